@@ -1,0 +1,18 @@
+"""Settings of `pumps encode`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from stages.config import DeviceConfig
+
+
+class Config(DeviceConfig):
+    """Encode every frame of a `tpc` artefact into a `latent` artefact."""
+
+    tpc: Path = Field(description="The tpc artefact.")
+    ae: Path = Field(description="The autoencoder's checkpoint artefact.")
+    output: Path = Field(description="Folder of the latent artefact.")
+    half: bool = Field(True, description="Store float16 instead of float32.")

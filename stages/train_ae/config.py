@@ -1,0 +1,21 @@
+"""Settings of `pumps train ae`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from stages.training.config import DecoderSizes, EncoderSizes, TrainingConfig
+
+
+class Config(TrainingConfig):
+    """Train the autoencoder of clouds on a `tpc` artefact (PUMPS 3.1, 3.2)."""
+
+    tpc: Path = Field(description="The tpc artefact to learn from.")
+    output: Path = Field(description="Folder of the checkpoint artefact.")
+    encoder: EncoderSizes = EncoderSizes()
+    decoder: DecoderSizes = DecoderSizes()
+    loss: str = Field("assignment", description="Pairs of points: assignment, or chamfer (PUMPS Table 2).")
+    loss_points: int = Field(0, description="Points of a cloud that the loss pairs, drawn afresh each step; 0 for all.")
+    velocity_weight: float = Field(0.0, description="Weight of a loss on the pairs' velocities; 0 as in the paper.")

@@ -1,0 +1,21 @@
+"""Settings of `pumps train lms`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from stages.training.config import SynthesiserSizes, TrainingConfig
+
+
+class Config(TrainingConfig):
+    """Train the latent motion synthesiser with the frozen encoder (PUMPS 3.3)."""
+
+    tpc: Path = Field(description="The tpc artefact to learn from (latents are drawn afresh at every step).")
+    ae: Path = Field(description="The autoencoder's checkpoint artefact.")
+    latent: Path | None = Field(None, description="The latent artefact of the same clips: their statistics.")
+    output: Path = Field(description="Folder of the checkpoint artefact.")
+    synthesiser: SynthesiserSizes = SynthesiserSizes()
+    centroid_weight: float = Field(4.0, description="Weight of the centroids' squared error (metres) beside the latents'.")
+    longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")
