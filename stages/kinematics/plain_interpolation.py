@@ -1,0 +1,124 @@
+"""Plain interpolation of a pose between keys at real-valued times: slerp, and its C1 cubic relative.
+
+A segment between two keys is a cubic Bezier curve in time, for positions and (in cumulative form, Kim et al. 1995)
+for rotations. Its tangents decide what it is: the segment's own slope gives lerp and slerp exactly; a tangent that
+both neighbouring segments share gives a curve without a kink at the key.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import roma
+import torch
+from torch import Tensor
+
+from data_schemas.errors import UsageError
+
+
+class Segments(NamedTuple):
+    """Where times fall between keys: `first` (T,) index of the key before, `share` (T,) in [0, 1] of the way on."""
+
+    first: Tensor
+    share: Tensor
+
+
+def locate_segments(key_times: Tensor, times: Tensor) -> Segments:
+    """Segments of K >= 2 rising key times (K,) in which times (T,) fall; outside the keys the share is 0 or 1.
+
+    Computed in float64, since a frame number of a long clip times a rate does not fit float32's mantissa.
+    """
+    keys = key_times.double().contiguous()
+    wanted = times.double().contiguous()
+    first = (torch.searchsorted(keys, wanted, right=True) - 1).clamp(0, len(keys) - 2)
+    share = (wanted - keys[first]) / (keys[first + 1] - keys[first])
+    return Segments(first, share.clamp(0.0, 1.0).float())
+
+
+def interpolate_pose(
+    local: Tensor, roots: Tensor, offsets: Tensor, key_times: Tensor, times: Tensor, *, smooth: float = 0.0
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Poses at any times from poses at keys.
+
+    Args:
+        local: (K, J, 4) unit quaternions xyzw in the parents' frames, float32; signs need not agree between keys.
+        roots: (K, 3) positions of joint 0, metres.
+        offsets: (K, J, 3) joints' heads in their parents' frames, metres, or (J, 3) where they never vary.
+        key_times: (K,) strictly rising, any unit.
+        times: (T,) in the same unit. Before the first and after the last key that key is held.
+        smooth: 0 is slerp and lerp, 1 the C1 cubic through the keys, between them the tangents are blended.
+
+    Returns: local (T, J, 4) sign-continuous in rising time, roots (T, 3), offsets (T, J, 3) (or (J, 3) as given).
+    Raises: UsageError where there is no key or the key times do not rise.
+    """
+    keys = len(key_times)
+    if keys == 0 or bool((key_times.diff() <= 0).any()):
+        raise UsageError("The key times must be one or more strictly rising numbers.")
+    varying = offsets.dim() == 3
+    if keys == 1:
+        held = times.new_zeros(len(times), dtype=torch.long)
+        return local[held], roots[held], offsets[held] if varying else offsets
+    segments = locate_segments(key_times, times)
+    lengths = key_times.double().diff().float()
+    local_out = _rotation_curve(_continuous_signs(local), lengths, segments, smooth)
+    roots_out = _position_curve(roots, lengths, segments, smooth)
+    offsets_out = _position_curve(offsets, lengths, segments, smooth) if varying else offsets
+    return local_out, roots_out, offsets_out
+
+
+def _continuous_signs(rotations: Tensor) -> Tensor:
+    """Flip quaternions (K, ..., 4) so that each lies on the same half as the one before it."""
+    agree = (rotations[1:] * rotations[:-1]).sum(-1, keepdim=True)
+    flips = torch.where(agree < 0, -1.0, 1.0).to(rotations)
+    return torch.cat([rotations[:1], rotations[1:] * torch.cumprod(flips, dim=0)])
+
+
+def _tangents(slopes: Tensor, lengths: Tensor, smooth: float) -> tuple[Tensor, Tensor]:
+    """Slopes at the start and the end of every segment, (K-1, ...), from the segments' mean slopes (K-1, ...).
+
+    A shared tangent is the slope at the key of the parabola through the key and its neighbours; the first and the
+    last key have a neighbour on one side alone and keep that segment's slope.
+    """
+    h = lengths.view(-1, *[1] * (slopes.dim() - 1))
+    inner = (h[1:] * slopes[:-1] + h[:-1] * slopes[1:]) / (h[1:] + h[:-1])
+    shared = torch.cat([slopes[:1], inner, slopes[-1:]])
+    return torch.lerp(slopes, shared[:-1], smooth), torch.lerp(slopes, shared[1:], smooth)
+
+
+def _position_curve(values: Tensor, lengths: Tensor, segments: Segments, smooth: float) -> Tensor:
+    first, share = segments.first, segments.share.view(-1, *[1] * (values.dim() - 1))
+    straight = torch.lerp(values[first], values[first + 1], share)
+    if smooth == 0.0:
+        return straight
+    h = lengths.view(-1, *[1] * (values.dim() - 1))
+    slopes = values.diff(dim=0) / h
+    start, end = _tangents(slopes, lengths, smooth)
+    # Hermite form, written as the straight line plus what the tangents add to it; zero at both keys.
+    bend_in = share * (1 - share) ** 2
+    bend_out = share**2 * (1 - share)
+    return straight + h[first] * (bend_in * (start - slopes)[first] - bend_out * (end - slopes)[first])
+
+
+def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: float) -> Tensor:
+    first, share = segments.first, segments.share.view(-1, *[1] * (keys.dim() - 2), 1)
+    turns = roma.quat_product(roma.quat_conjugation(keys[:-1]), keys[1:])
+    # The shorter way round; the sign continuity of the keys has chosen it already save for float rounding.
+    turns = torch.where(turns[..., 3:] < 0, -turns, turns)
+    steps = roma.unitquat_to_rotvec(turns)
+    if smooth == 0.0:
+        curve = roma.quat_product(keys[first], roma.rotvec_to_unitquat(share * steps[first]))
+    else:
+        h = lengths.view(-1, *[1] * (keys.dim() - 1))
+        start, end = _tangents(steps / h, lengths, smooth)
+        outward, inward = start * h / 3, end * h / 3
+        middle = roma.unitquat_to_rotvec(
+            roma.quat_product(
+                roma.quat_product(roma.rotvec_to_unitquat(-outward), turns), roma.rotvec_to_unitquat(-inward)
+            )
+        )
+        curve = keys[first]
+        rests = (1 - (1 - share) ** 3, share**2 * (3 - 2 * share), share**3)  # cumulative Bernstein polynomials
+        for rest, part in zip(rests, (outward, middle, inward), strict=True):
+            curve = roma.quat_product(curve, roma.rotvec_to_unitquat(rest * part[first]))
+    at_key = torch.where(share == 0, keys[first], curve)  # keys come back exactly, free of rounding
+    return torch.where(share == 1, keys[first + 1], at_key)
