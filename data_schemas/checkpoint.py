@@ -1,0 +1,126 @@
+"""The `checkpoint` artefact: a trained network, and enough to go on training it.
+
+Weights and optimiser are safetensors, config is JSON, the log is Parquet: nothing in it can run code.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from data_schemas.clips import reading
+from data_schemas.errors import InputError
+from data_schemas.manifest import Artefact, open_artefact
+
+KIND = "checkpoint"
+WEIGHTS_NAME = "model.safetensors"
+OPTIMISER_NAME = "optimiser.safetensors"
+CONFIG_NAME = "config.json"
+LOG_NAME = "log.parquet"
+CARD_NAME = "MODEL_CARD.md"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint in memory.
+
+    weights:   parameter name -> array.
+    config:    what the network is built from, and what else its training must remember; plain data.
+    optimiser: name -> array of the optimiser's state, or None where it was left out.
+    log:       one mapping a logged step.
+    card:      Markdown for people: what it is, trained on what, under which licences.
+    """
+
+    weights: dict[str, np.ndarray]
+    config: dict[str, Any]
+    optimiser: dict[str, np.ndarray] | None
+    log: list[dict[str, Any]]
+    card: str
+
+
+def write_checkpoint(
+    folder: str | os.PathLike[str],
+    *,
+    weights: Mapping[str, np.ndarray],
+    config: Mapping[str, Any],
+    optimiser: Mapping[str, np.ndarray] | None,
+    log: Sequence[Mapping[str, Any]],
+    card: str,
+) -> None:
+    """Write a checkpoint's files into an existing folder (`Draft.folder`, or one of resumable work).
+
+    Arrays are float32, float16 or any NumPy number; the same content gives the same bytes.
+    """
+    folder = Path(folder)
+    _save(weights, folder / WEIGHTS_NAME)
+    if optimiser is not None:
+        _save(optimiser, folder / OPTIMISER_NAME)
+    (folder / CONFIG_NAME).write_text(json.dumps(config, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    columns = sorted({name for entry in log for name in entry})
+    table = pa.table({name: [entry.get(name) for entry in log] for name in columns})
+    pq.write_table(table, folder / LOG_NAME, compression="zstd")
+    (folder / CARD_NAME).write_text(card, encoding="utf-8")
+
+
+def read_checkpoint(artefact: Artefact | str | os.PathLike[str], *, optimiser: bool = True) -> Checkpoint:
+    """Read a checkpoint artefact.
+
+    Args:
+        artefact: an open artefact, or its path.
+        optimiser: False leaves the optimiser's state on the disk (to use a network rather than train it).
+
+    Raises:
+        InputError: missing, of another kind, newer than this pumps, or damaged.
+    """
+    if not isinstance(artefact, Artefact) or artefact.manifest.kind != KIND:
+        path = artefact.path if isinstance(artefact, Artefact) else artefact
+        artefact = open_artefact(path, KIND)
+    return read_checkpoint_folder(artefact.folder, optimiser=optimiser)
+
+
+def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = True) -> Checkpoint:
+    """Read the files that `write_checkpoint` wrote into `folder`. Raises InputError if any is missing or damaged."""
+    folder = Path(folder)
+    with reading(folder / CONFIG_NAME):
+        config = json.loads((folder / CONFIG_NAME).read_text(encoding="utf-8"))
+        if not isinstance(config, dict):
+            raise ValueError("it is no mapping")
+    with reading(folder / LOG_NAME):
+        log = [
+            {name: value for name, value in entry.items() if value is not None}
+            for entry in pq.ParquetFile(folder / LOG_NAME).read().to_pylist()
+        ]
+    with reading(folder / CARD_NAME):
+        card = (folder / CARD_NAME).read_text(encoding="utf-8")
+    return Checkpoint(
+        weights=_load(folder / WEIGHTS_NAME),
+        config=config,
+        optimiser=_load(folder / OPTIMISER_NAME) if optimiser and (folder / OPTIMISER_NAME).exists() else None,
+        log=log,
+        card=card,
+    )
+
+
+def _save(arrays: Mapping[str, np.ndarray], path: Path) -> None:
+    # safetensors writes a strided view's memory as it lies, so every array is laid out in order first.
+    save_file({name: np.array(arrays[name], order="C") for name in sorted(arrays)}, path)
+
+
+def _load(path: Path) -> dict[str, np.ndarray]:
+    with reading(path):
+        try:
+            return load_file(path)
+        except SafetensorError as error:
+            raise InputError(
+                f"{path} is damaged: it is no safetensors file ({error}).", "The stage that made it makes it again."
+            ) from None

@@ -1,0 +1,302 @@
+"""What the artefacts made of clips (motion, tpc, latent) share: the index, and an HDF5 file with one group a clip."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from data_schemas.errors import InputError
+from data_schemas.manifest import Artefact, open_artefact
+from data_schemas.migrations import migrated_folder
+
+CLIPS_NAME = "clips.parquet"
+SPLITS = ("train", "val", "test")
+CHUNK_FRAMES = 256  # a training window of 128 frames touches one chunk or two
+NO_SKELETON = ""
+
+
+@dataclass(frozen=True)
+class ClipRow:
+    """One clip in the index of an artefact.
+
+    clip:     its name, unique in the artefact.
+    source:   where it came from: a path, or "archive.zip!member".
+    sha256:   of the source's bytes.
+    skeleton: id of its skeleton in the motion artefact; "" for clouds that have none.
+    frames:   how many, at `fps` frames per second; `seconds` = frames / fps.
+    split:    "train", "val" or "test".
+    licence:  of the source.
+    flags:    what was done to it at ingest, words separated by spaces.
+    """
+
+    clip: str
+    source: str
+    sha256: str
+    skeleton: str
+    frames: int
+    fps: float
+    seconds: float
+    split: str
+    licence: str
+    flags: str = ""
+
+
+_INDEX = pa.schema(
+    [
+        pa.field(name, {"int": pa.int64(), "float": pa.float64()}.get(kind, pa.string()), nullable=False)
+        for name, kind in ((f.name, str(f.type)) for f in fields(ClipRow))
+    ]
+)
+
+
+def write_clips(folder: Path, rows: list[ClipRow]) -> None:
+    """Write the index `clips.parquet` into `folder`, rows in the order given."""
+    table = pa.Table.from_pylist([asdict(row) for row in rows], schema=_INDEX)
+    pq.write_table(table, folder / CLIPS_NAME, compression="zstd")
+
+
+def read_clips(folder: Path) -> tuple[ClipRow, ...]:
+    """Read the index of `folder`. Raises InputError if it is missing, damaged or says what cannot be."""
+    path = folder / CLIPS_NAME
+    with reading(path):
+        table = pq.ParquetFile(path).read()
+        missing = sorted(set(_INDEX.names) - set(table.column_names))
+        if missing:
+            raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")
+        rows = tuple(ClipRow(**row) for row in table.select(_INDEX.names).cast(_INDEX).to_pylist())
+    names: set[str] = set()
+    for row in rows:
+        fault = _fault_of(row) or (f"names the clip {row.clip!r} twice" if row.clip in names else None)
+        if fault:
+            raise InputError(f"{path} is damaged: it {fault}.")
+        names.add(row.clip)
+    return rows
+
+
+def _fault_of(row: ClipRow) -> str | None:
+    name = row.clip
+    if not name or name in (".", "..") or "/" in name or not name.isprintable() or len(name) > 500:
+        return f"names a clip {name[:100]!r}, and a clip's name is printable text without '/'"
+    if row.frames < 1:
+        return f"gives the clip {name!r} {row.frames} frames"
+    if not (np.isfinite(row.fps) and row.fps > 0):
+        return f"gives the clip {name!r} {row.fps} frames a second"
+    if row.split not in SPLITS:
+        return f"puts the clip {name!r} into the split {row.split!r}, and there are {', '.join(SPLITS)}"
+    return None
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn whatever the libraries raise on a damaged file into one InputError that names it."""
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} is missing.", "The artefact is damaged or being replaced: run its stage again."
+        ) from None
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        RuntimeError,
+        AttributeError,
+        MemoryError,
+        pa.ArrowException,
+    ) as e:
+        reason = " ".join(str(e).split())[:200]
+        raise InputError(
+            f"{path} is damaged or no file of this kind ({reason}).",
+            "`pumps artefact verify` says which files have changed; the stage that made it makes it again.",
+        ) from None
+
+
+_Self = TypeVar("_Self", bound="ClipWriter")
+_Reader = TypeVar("_Reader", bound="ClipReader")
+
+
+class ClipWriter:
+    """Base of the writers: an HDF5 file with `/clips/<clip>` groups, and the index written by `close`."""
+
+    FILE: ClassVar[str]
+
+    def __init__(self, folder: str | os.PathLike[str]):
+        self._folder = Path(folder)
+        self._rows: dict[str, ClipRow] = {}
+        self._file = h5py.File(self._folder / self.FILE, "x")
+        self._clips = self._file.create_group("clips")
+
+    def _new_clip(self, row: ClipRow, frames: int) -> h5py.Group:
+        fault = _fault_of(row)
+        if fault is None and row.clip in self._rows:
+            fault = f"names the clip {row.clip!r} twice"
+        if fault is None and row.frames != frames:
+            fault = f"gives the clip {row.clip!r} {row.frames} frames, but its arrays have {frames}"
+        if fault:
+            raise InputError(f"The index {fault}.")
+        self._rows[row.clip] = row
+        return self._clips.create_group(row.clip)
+
+    def close(self) -> None:
+        """Write the index and close the file. Without it the folder is no whole artefact."""
+        if self._file:
+            self._file.close()
+            write_clips(self._folder, list(self._rows.values()))
+
+    def __enter__(self: _Self) -> _Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._file.close()
+
+
+class ClipReader:
+    """Base of the readers: opens the artefact (an older version through its migrations), knows the clips.
+
+    Args:
+        artefact: an open artefact, or its path.
+
+    Raises:
+        InputError: missing, of another kind, newer than this pumps, or damaged.
+    """
+
+    KIND: ClassVar[str]
+    FILE: ClassVar[str]
+
+    clips: tuple[ClipRow, ...]
+
+    def __init__(self, artefact: Artefact | str | os.PathLike[str]):
+        if isinstance(artefact, Artefact):
+            self._open(open_artefact(artefact.path, self.KIND) if artefact.manifest.kind != self.KIND else artefact)
+            return
+        while True:
+            found = open_artefact(artefact, self.KIND)
+            try:
+                self._open(found)
+                return
+            except InputError:
+                # Its writer may have replaced it since the manifest was read: then there is a newer one to open.
+                if open_artefact(artefact, self.KIND).manifest.data == found.manifest.data:
+                    raise
+
+    def _open(self, artefact: Artefact) -> None:
+        self.artefact = artefact
+        self._scratch = tempfile.TemporaryDirectory(prefix="pumps-migrated-")
+        try:
+            self.folder = migrated_folder(artefact, Path(self._scratch.name))
+            self.clips = read_clips(self.folder)
+            self._rows = {row.clip: row for row in self.clips}
+            self._path = self.folder / self.FILE
+            with reading(self._path):
+                # Its files never change once they are named, so no lock is needed (and some file systems have none).
+                self._file = h5py.File(self._path, "r", locking=False)
+        except BaseException:
+            self._scratch.cleanup()
+            raise
+
+    def row(self, clip: str) -> ClipRow:
+        """The index row of a clip. Raises InputError for a name that is not there."""
+        try:
+            return self._rows[clip]
+        except KeyError:
+            raise InputError(
+                f"{self.artefact.path} has no clip {clip!r}.", "`pumps artefact show` counts its clips."
+            ) from None
+
+    def _window(self, row: ClipRow, start: int, stop: int | None) -> slice:
+        end = row.frames if stop is None else stop
+        if not 0 <= start < end <= row.frames:
+            raise InputError(
+                f"The frames {start} to {end} are not within the clip {row.clip!r}, which has {row.frames}."
+            )
+        return slice(start, end)
+
+    def _group(self, row: ClipRow) -> h5py.Group:
+        return as_group(self._file[f"clips/{row.clip}"])
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+        self._scratch.cleanup()
+
+    def __enter__(self: _Reader) -> _Reader:
+        return self
+
+    def __exit__(self, *rest: object) -> None:
+        self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An open HDF5 file cannot travel to a worker process; opening it again there can.
+        return type(self), (self.artefact,)
+
+
+def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
+    """Store an array (T, ...) chunked along time and compressed, for reading windows of it."""
+    chunks = (min(CHUNK_FRAMES, values.shape[0]), *values.shape[1:])
+    if 0 in chunks:
+        group.create_dataset(name, data=values)
+        return
+    group.create_dataset(name, data=values, chunks=chunks, compression="lzf", shuffle=True)
+
+
+def read_frames(
+    group: h5py.Group, name: str, window: slice, shape: tuple[int | None, ...], frames: int
+) -> np.ndarray:
+    """Read the window of the array `name`; `shape` is that of one frame, None where any size will do.
+
+    Raises:
+        ValueError: the stored array has another shape than the index and the skeleton say.
+    """
+    stored = as_dataset(group[name])
+    expected = (frames, *shape)
+    if len(stored.shape) != len(expected) or any(
+        e is not None and e != s for s, e in zip(stored.shape, expected, strict=True)
+    ):
+        raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {expected}")
+    if stored.dtype.kind not in "fiu" or stored.dtype.itemsize > 8:
+        raise ValueError(f"{group.name}/{name} holds {stored.dtype}, no plain numbers")
+    return np.asarray(stored[window])
+
+
+def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read the small array `name`, whose shape must be `shape` (None: any size). Raises ValueError otherwise."""
+    stored = as_dataset(group[name])
+    if len(stored.shape) != len(shape) or any(
+        e is not None and e != s for s, e in zip(stored.shape, shape, strict=True)
+    ):
+        raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {shape}")
+    if stored.size is None or stored.size > 10_000_000:
+        raise ValueError(f"{group.name}/{name} is too large")
+    return np.asarray(stored[()]).astype(dtype)
+
+
+def as_group(item: Any) -> h5py.Group:
+    """`item` if it is an HDF5 group; ValueError if not."""
+    if not isinstance(item, h5py.Group):
+        raise ValueError(f"{getattr(item, 'name', item)} is no group")
+    return item
+
+
+def as_dataset(item: Any) -> h5py.Dataset:
+    """`item` if it is an HDF5 dataset within the file; ValueError if not."""
+    if not isinstance(item, h5py.Dataset):
+        raise ValueError(f"{getattr(item, 'name', item)} is no dataset")
+    if item.external or item.is_virtual:
+        raise ValueError(f"{item.name} lies in other files")
+    return item

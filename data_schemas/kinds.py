@@ -1,0 +1,21 @@
+"""The kinds of artefact, the version each is written in, and what each is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Kind(NamedTuple):
+    """What is known of one kind of artefact."""
+
+    schema_version: int
+    what: str
+
+
+KINDS: dict[str, Kind] = {
+    "motion": Kind(1, "motions on their skeletons: motions.h5 and the index clips.parquet"),
+    "tpc": Kind(1, "temporal point clouds, rigid or dense: clouds.h5 and the index clips.parquet"),
+    "latent": Kind(1, "one latent and one centroid for every frame: latents.h5 and the index clips.parquet"),
+    "checkpoint": Kind(1, "a trained network: model.safetensors, config.json, log.parquet, MODEL_CARD.md"),
+    "metrics": Kind(1, "an evaluation: metrics.parquet, one row per clip, method, task and metric, and summary.md"),
+}

@@ -1,0 +1,245 @@
+"""The read side of an artefact: what its manifest says, and how it is opened.
+
+An artefact is the folder that the user names. It holds `manifest.json` and one data folder, named by its content,
+that the manifest points at:
+
+    NAME/manifest.json
+    NAME/data-1f0c.../motions.h5, clips.parquet
+
+The manifest is replaced in one step, so whoever reads it finds the old artefact or the new one, whole.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+
+from data_schemas.errors import InputError
+from data_schemas.kinds import KINDS
+from data_schemas.version import PUMPS_VERSION
+
+MANIFEST_NAME = "manifest.json"
+DATA_PREFIX = "data-"
+MANIFEST_LIMIT_BYTES = 256 * 2**20  # no honest manifest comes near; a hostile one must not fill the memory
+
+_DATA_FOLDER = re.compile(r"data-[0-9a-f]{16}(-[0-9]+)?")
+_FILE_PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+
+
+class InputRef(BaseModel):
+    """One input of an artefact.
+
+    path:   where it lay, relative to the artefact's own folder (so that a run folder can be moved as a whole).
+    kind:   the artefact's kind, or "file" or "folder" for sources that are no artefact.
+    digest: its digest at the time it was read.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+    path: str
+    kind: str
+    digest: str
+
+
+class Manifest(BaseModel):
+    """What `manifest.json` holds.
+
+    kind, schema_version: which reader reads it.
+    created_by: "pumps 0.1.0".
+    stage:      the stage that wrote it, and `config`, the whole config it ran with.
+    inputs:     what it was made from.
+    data:       the name of the data folder beside the manifest.
+    files:      relative file name -> sha256, and `digest`, the digest of kind, version and files together. No time
+                enters it: the same inputs, config and seed give the same digest.
+    licences:   of the sources, own and inherited from the inputs.
+    summary:    what the stage had to say, plain data.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+    kind: str
+    schema_version: int
+    created_by: str
+    stage: str
+    config: dict[str, Any]
+    inputs: list[InputRef]
+    data: str
+    files: dict[str, str]
+    digest: str
+    licences: list[str]
+    summary: dict[str, Any]
+
+    @field_validator("data")
+    @classmethod
+    def _data_is_a_plain_name(cls, value: str) -> str:
+        if not _DATA_FOLDER.fullmatch(value):
+            raise ValueError("is not the name of a data folder")
+        return value
+
+    @field_validator("files")
+    @classmethod
+    def _files_stay_inside(cls, value: dict[str, str]) -> dict[str, str]:
+        for name, sha256 in value.items():
+            if not is_inner_name(name):
+                raise ValueError(f"names {name!r}, which is no plain path inside the artefact")
+            if not _SHA256.fullmatch(sha256):
+                raise ValueError(f"gives no sha256 for {name!r}")
+        return value
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """An artefact as found on the disk: `path` as the user names it, `folder` with its data files, the manifest."""
+
+    path: Path
+    folder: Path
+    manifest: Manifest
+
+    def file(self, name: str) -> Path:
+        """Path of the data file `name`. Raises InputError if the manifest does not list it."""
+        if name not in self.manifest.files:
+            raise InputError(
+                f"{self.path} ({self.manifest.kind}) has no file {name}.",
+                f"It lists: {', '.join(self.manifest.files)}.",
+            )
+        return self.folder / name
+
+
+def is_inner_name(name: str) -> bool:
+    """Whether `name` is a relative path of plain parts, which cannot climb out of its folder."""
+    return all(_FILE_PART.fullmatch(part) for part in name.split("/"))
+
+
+def sha256_of_file(path: Path) -> str:
+    """Hex sha256 of the file's bytes, read in parts."""
+    total = hashlib.sha256()
+    with open(path, "rb") as file:
+        while part := file.read(1 << 20):
+            total.update(part)
+    return total.hexdigest()
+
+
+def digest_of(kind: str, schema_version: int, files: Mapping[str, str]) -> str:
+    """Digest of an artefact: sha256 over its kind, its version and its files' names and sha256."""
+    text = json.dumps([kind, schema_version, sorted(files.items())], separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Artefact:
+    """Open the artefact in the folder `path` (its `manifest.json` may be named instead).
+
+    Checks the manifest and that every file it lists is there; `verify` reads the files' bytes too.
+
+    Args:
+        path: the folder.
+        kind: the kind it must be, or None for any.
+
+    Raises:
+        InputError: it is missing, no artefact, of another kind, written by a newer pumps, or damaged.
+    """
+    folder = Path(path)
+    if folder.name == MANIFEST_NAME and folder.is_file():
+        folder = folder.parent
+    # A writer may swap the manifest between our reading it and our looking for its files: then look again.
+    seen: str | None = None
+    while True:
+        manifest = read_manifest(folder, kind)
+        problem = _first_missing(folder, manifest)
+        if problem is None:
+            return Artefact(folder, folder / manifest.data, manifest)
+        if manifest.data == seen:
+            raise InputError(
+                f"{folder} is damaged: {problem}", "Delete the folder and run the stage that made it again."
+            )
+        seen = manifest.data
+
+
+def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
+    """Read and check `folder`/manifest.json without looking at the data. Raises InputError as `open_artefact`."""
+    raw = _read_json(folder)
+    found, version = raw.get("kind"), raw.get("schema_version")
+    if not isinstance(found, str) or not isinstance(version, int) or isinstance(version, bool):
+        raise InputError(
+            f"{folder / MANIFEST_NAME} is no manifest of a pumps artefact: it lacks kind and schema_version.",
+            "Give the folder that a pumps stage wrote.",
+        )
+    if kind is not None and found != kind:
+        raise InputError(
+            f"{folder} holds a {found!r} artefact, but a {kind!r} artefact is needed here.", _kind_hint(kind)
+        )
+    newer_hint = f"Install the pumps that wrote it or a newer one ({_text(raw.get('created_by'))})."
+    if found not in KINDS:
+        raise InputError(
+            f"{folder} is an artefact of kind {found!r}, which pumps {PUMPS_VERSION} does not know.", newer_hint
+        )
+    if version > KINDS[found].schema_version:
+        raise InputError(
+            f"{folder} is a {found!r} artefact of version {version}, and pumps {PUMPS_VERSION} reads versions up to "
+            f"{KINDS[found].schema_version}.",
+            newer_hint,
+        )
+    try:
+        return Manifest.model_validate(raw)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, e['loc']))}: {_text(e['msg'])}" for e in error.errors()[:5])
+        raise InputError(
+            f"{folder / MANIFEST_NAME} is damaged ({faults}).", "Run the stage that made it again."
+        ) from None
+
+
+def _read_json(folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST_NAME
+    try:
+        if path.stat().st_size > MANIFEST_LIMIT_BYTES:
+            raise InputError(f"{path} is too large for a manifest ({path.stat().st_size} bytes).")
+        raw = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        if not folder.exists():
+            raise InputError(f"{folder} does not exist.", "Run the stage that makes it first.") from None
+        raise InputError(
+            f"{folder} is not an artefact: it has no {MANIFEST_NAME}.", "Give the folder that a pumps stage wrote."
+        ) from None
+    except NotADirectoryError:
+        raise InputError(
+            f"{folder} is a file, not an artefact.", "Give the folder that a pumps stage wrote."
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} is damaged: it is no JSON.", "Run the stage that made it again.") from None
+    if not isinstance(raw, dict):
+        raise InputError(f"{path} is no manifest of a pumps artefact.", "Give the folder that a pumps stage wrote.")
+    return raw
+
+
+def _first_missing(folder: Path, manifest: Manifest) -> str | None:
+    data = folder / manifest.data
+    if data.is_symlink() or not data.is_dir():
+        return f"its data folder {manifest.data} is missing."
+    for name in manifest.files:
+        file = data / name
+        if not file.is_file():
+            return f"its file {manifest.data}/{name} is missing."
+        # A link could lead out of the artefact: what is read must be what was written there.
+        if not file.resolve().is_relative_to(data.resolve()):
+            return f"its file {manifest.data}/{name} is a link that leads out of the artefact."
+    return None
+
+
+def _kind_hint(kind: str) -> str | None:
+    return f"A {kind!r} artefact holds {KINDS[kind].what}." if kind in KINDS else None
+
+
+def _text(value: object) -> str:
+    """A short printable form of something that a file said."""
+    text = "".join(c if c.isprintable() else "?" for c in str(value))
+    return text if len(text) <= 200 else text[:200] + "..."

@@ -1,0 +1,78 @@
+"""The `metrics` artefact: an evaluation. `metrics.parquet`, one row a figure, and `summary.md` for people."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from data_schemas.clips import reading
+from data_schemas.errors import InputError
+from data_schemas.manifest import Artefact, open_artefact
+
+KIND = "metrics"
+METRICS_NAME = "metrics.parquet"
+SUMMARY_NAME = "summary.md"
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One figure: one metric of one method on one clip.
+
+    archive:  the data set the clip is from, as its source names it.
+    interval: frames between keys, or missing frames, as the task counts them.
+    metric:   the variant's own name, such as "l2p_m" or "npss_lafan1".
+    weight:   the clip's weight in an average over clips (NPSS: the truth's power; 1 otherwise).
+    windows:  how many windows of the clip the value is the mean of.
+    """
+
+    clip: str
+    skeleton: str
+    archive: str
+    method: str
+    task: str
+    interval: int
+    metric: str
+    value: float
+    weight: float = 1.0
+    windows: int = 1
+
+
+_COLUMNS = pa.schema(
+    [
+        pa.field(name, {"int": pa.int64(), "float": pa.float64()}.get(kind, pa.string()), nullable=False)
+        for name, kind in ((f.name, str(f.type)) for f in fields(MetricRow))
+    ]
+)
+
+
+def write_metrics(folder: str | os.PathLike[str], rows: Iterable[MetricRow], summary_md: str) -> None:
+    """Write the rows, in the order given, and the Markdown summary into an existing folder."""
+    table = pa.Table.from_pylist([asdict(row) for row in rows], schema=_COLUMNS)
+    pq.write_table(table, Path(folder) / METRICS_NAME, compression="zstd")
+    (Path(folder) / SUMMARY_NAME).write_text(summary_md, encoding="utf-8")
+
+
+def read_metrics(artefact: Artefact | str | os.PathLike[str]) -> tuple[list[MetricRow], str]:
+    """Read a metrics artefact: its rows and its Markdown summary.
+
+    Raises:
+        InputError: missing, of another kind, newer than this pumps, or damaged.
+    """
+    if not isinstance(artefact, Artefact) or artefact.manifest.kind != KIND:
+        path = artefact.path if isinstance(artefact, Artefact) else artefact
+        artefact = open_artefact(path, KIND)
+    path = artefact.folder / METRICS_NAME
+    with reading(path):
+        table = pq.ParquetFile(path).read()
+        missing = sorted(set(_COLUMNS.names) - set(table.column_names))
+        if missing:
+            raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")
+        rows = [MetricRow(**row) for row in table.select(_COLUMNS.names).cast(_COLUMNS).to_pylist()]
+    with reading(artefact.folder / SUMMARY_NAME):
+        summary = (artefact.folder / SUMMARY_NAME).read_text(encoding="utf-8")
+    return rows, summary

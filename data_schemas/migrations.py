@@ -1,0 +1,70 @@
+"""Older versions of artefacts, read through one function for each step.
+
+When the layout of a kind changes: raise its version in `kinds.py`, and register here the function that makes the new
+layout out of the old one. An artefact on the disk is never changed: readers migrate into a scratch folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from data_schemas.errors import InputError
+from data_schemas.kinds import KINDS
+from data_schemas.manifest import Artefact
+
+Migration = Callable[[Path, Path], None]
+
+
+def migrated_folder(artefact: Artefact, scratch: Path) -> Path:
+    """The artefact's data in today's layout: its own folder, or one under `scratch` that migrations filled.
+
+    Raises:
+        InputError: no migration leads from its version to today's, or its data are damaged.
+    """
+    kind, version = artefact.manifest.kind, artefact.manifest.schema_version
+    folder = artefact.folder
+    while version < KINDS[kind].schema_version:
+        step = MIGRATIONS.get((kind, version))
+        if step is None:
+            raise InputError(
+                f"{artefact.path} is a {kind!r} artefact of version {version}, which pumps no longer reads.",
+                "Run the stage that made it again.",
+            )
+        version += 1
+        target = scratch / f"version-{version}"
+        target.mkdir()
+        try:
+            step(folder, target)
+        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+            raise InputError(
+                f"{artefact.path} is damaged: its data of version {version - 1} cannot be read ({error}).",
+                "Run the stage that made it again.",
+            ) from None
+        folder = target
+    return folder
+
+
+def carry_over(source: Path, target: Path, name: str) -> None:
+    """Let the unchanged file `name` appear in `target` too, without copying its bytes where a link can be made."""
+    with suppress(OSError, NotImplementedError):
+        os.symlink((source / name).resolve(), target / name)
+        return
+    shutil.copyfile(source / name, target / name)
+
+
+def _motion_0_to_1(source: Path, target: Path) -> None:
+    """Version 1 says in the column `flags` what ingest did to a clip; nothing is known of older ones."""
+    carry_over(source, target, "motions.h5")
+    table = pq.ParquetFile(source / "clips.parquet").read()
+    flags = pa.array([""] * table.num_rows, pa.string())
+    pq.write_table(table.append_column("flags", flags), target / "clips.parquet")
+
+
+MIGRATIONS: dict[tuple[str, int], Migration] = {("motion", 0): _motion_0_to_1}
