@@ -20,7 +20,7 @@ from safetensors.numpy import load_file, save_file
 
 from data_schemas.clips import reading
 from data_schemas.errors import InputError
-from data_schemas.manifest import Artefact, open_artefact
+from data_schemas.manifest import Artefact, read_newest
 
 KIND = "checkpoint"
 WEIGHTS_NAME = "model.safetensors"
@@ -82,10 +82,7 @@ def read_checkpoint(artefact: Artefact | str | os.PathLike[str], *, optimiser: b
     Raises:
         InputError: missing, of another kind, newer than this pumps, or damaged.
     """
-    if not isinstance(artefact, Artefact) or artefact.manifest.kind != KIND:
-        path = artefact.path if isinstance(artefact, Artefact) else artefact
-        artefact = open_artefact(path, KIND)
-    return read_checkpoint_folder(artefact.folder, optimiser=optimiser)
+    return read_newest(artefact, KIND, lambda found: read_checkpoint_folder(found.folder, optimiser=optimiser))
 
 
 def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = True) -> Checkpoint:

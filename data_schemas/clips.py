@@ -16,13 +16,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from data_schemas.errors import InputError
-from data_schemas.manifest import Artefact, open_artefact
+from data_schemas.manifest import Artefact, read_newest
 from data_schemas.migrations import migrated_folder
 
 CLIPS_NAME = "clips.parquet"
 SPLITS = ("train", "val", "test")
 CHUNK_FRAMES = 256  # a training window of 128 frames touches one chunk or two
 NO_SKELETON = ""
+_UNIT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -182,18 +183,7 @@ class ClipReader:
     clips: tuple[ClipRow, ...]
 
     def __init__(self, artefact: Artefact | str | os.PathLike[str]):
-        if isinstance(artefact, Artefact):
-            self._open(open_artefact(artefact.path, self.KIND) if artefact.manifest.kind != self.KIND else artefact)
-            return
-        while True:
-            found = open_artefact(artefact, self.KIND)
-            try:
-                self._open(found)
-                return
-            except InputError:
-                # Its writer may have replaced it since the manifest was read: then there is a newer one to open.
-                if open_artefact(artefact, self.KIND).manifest.data == found.manifest.data:
-                    raise
+        read_newest(artefact, self.KIND, self._open)
 
     def _open(self, artefact: Artefact) -> None:
         self.artefact = artefact
@@ -284,6 +274,11 @@ def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None
     if stored.size is None or stored.size > 10_000_000:
         raise ValueError(f"{group.name}/{name} is too large")
     return np.asarray(stored[()]).astype(dtype)
+
+
+def are_unit(rotations: np.ndarray) -> bool:
+    """Whether all quaternions (..., 4) have unit length, but for what rounding may do to it."""
+    return bool((np.abs(np.square(rotations, dtype=np.float32).sum(-1) - 1) < _UNIT_TOLERANCE).all())
 
 
 def as_group(item: Any) -> h5py.Group:

@@ -15,10 +15,11 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Mapping
+import stat
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
@@ -33,6 +34,8 @@ MANIFEST_LIMIT_BYTES = 256 * 2**20  # no honest manifest comes near; a hostile o
 _DATA_FOLDER = re.compile(r"data-[0-9a-f]{16}(-[0-9]+)?")
 _FILE_PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
+
+Result = TypeVar("Result")
 
 
 class InputRef(BaseModel):
@@ -163,6 +166,24 @@ def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Arte
         seen = manifest.data
 
 
+def read_newest(artefact: Artefact | str | os.PathLike[str], kind: str, read: Callable[[Artefact], Result]) -> Result:
+    """Read an artefact of `kind` with `read`; given by path, one that is being replaced is read again as it is now.
+
+    Raises:
+        InputError: as `open_artefact` and `read`.
+    """
+    if isinstance(artefact, Artefact):
+        return read(artefact if artefact.manifest.kind == kind else open_artefact(artefact.path, kind))
+    while True:
+        found = open_artefact(artefact, kind)
+        try:
+            return read(found)
+        except InputError:
+            # Its writer may have replaced it since the manifest was read: then there is a newer one to read.
+            if open_artefact(artefact, kind).manifest.data == found.manifest.data:
+                raise
+
+
 def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
     """Read and check `folder`/manifest.json without looking at the data. Raises InputError as `open_artefact`."""
     raw = _read_json(folder)
@@ -199,8 +220,9 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
 def _read_json(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST_NAME
     try:
-        if path.stat().st_size > MANIFEST_LIMIT_BYTES:
-            raise InputError(f"{path} is too large for a manifest ({path.stat().st_size} bytes).")
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MANIFEST_LIMIT_BYTES:
+            raise InputError(f"{path} is no plain file, or too large for a manifest.")
         raw = json.loads(path.read_bytes())
     except FileNotFoundError:
         if not folder.exists():

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from data_schemas.clips import reading
 from data_schemas.errors import InputError
-from data_schemas.manifest import Artefact, open_artefact
+from data_schemas.manifest import Artefact, read_newest
 
 KIND = "metrics"
 METRICS_NAME = "metrics.parquet"
@@ -63,16 +63,17 @@ def read_metrics(artefact: Artefact | str | os.PathLike[str]) -> tuple[list[Metr
     Raises:
         InputError: missing, of another kind, newer than this pumps, or damaged.
     """
-    if not isinstance(artefact, Artefact) or artefact.manifest.kind != KIND:
-        path = artefact.path if isinstance(artefact, Artefact) else artefact
-        artefact = open_artefact(path, KIND)
-    path = artefact.folder / METRICS_NAME
+    return read_newest(artefact, KIND, lambda found: _read(found.folder))
+
+
+def _read(folder: Path) -> tuple[list[MetricRow], str]:
+    path = folder / METRICS_NAME
     with reading(path):
         table = pq.ParquetFile(path).read()
         missing = sorted(set(_COLUMNS.names) - set(table.column_names))
         if missing:
             raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")
         rows = [MetricRow(**row) for row in table.select(_COLUMNS.names).cast(_COLUMNS).to_pylist()]
-    with reading(artefact.folder / SUMMARY_NAME):
-        summary = (artefact.folder / SUMMARY_NAME).read_text(encoding="utf-8")
+    with reading(folder / SUMMARY_NAME):
+        summary = (folder / SUMMARY_NAME).read_text(encoding="utf-8")
     return rows, summary

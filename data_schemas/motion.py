@@ -20,6 +20,7 @@ from data_schemas.clips import (
     ClipReader,
     ClipRow,
     ClipWriter,
+    are_unit,
     as_dataset,
     as_group,
     read_clips,
@@ -83,11 +84,9 @@ class MotionWriter(ClipWriter):
         if name in self._joints:
             return name
         group = self._skeletons.create_group(name)
-        names = [n.encode("utf-8", errors="surrogateescape") for n in skeleton.names]
+        names = [n.encode("utf-8", errors="surrogatepass") for n in skeleton.names]
         group.create_dataset("names", data=np.frombuffer(b"\n".join(names), np.uint8))
-        group.create_dataset(
-            "header", data=np.frombuffer(skeleton.header.encode("utf-8", "surrogateescape"), np.uint8)
-        )
+        group.create_dataset("header", data=np.frombuffer(skeleton.header.encode("utf-8", "surrogatepass"), np.uint8))
         group.create_dataset("parents", data=np.asarray(skeleton.parents, np.int32))
         group.create_dataset("offsets", data=np.asarray(skeleton.offsets, np.float64))
         group.create_dataset("tails", data=np.asarray(skeleton.tails, np.float64))
@@ -204,7 +203,7 @@ def _text_of(group: h5py.Group, name: str) -> str:
     stored = as_dataset(group[name])
     if stored.dtype != np.uint8 or stored.ndim != 1 or stored.shape[0] > 64 * 2**20:
         raise ValueError(f"{group.name}/{name} is no text")
-    return np.asarray(stored[()]).tobytes().decode("utf-8", errors="surrogateescape")
+    return np.asarray(stored[()]).tobytes().decode("utf-8", errors="surrogatepass")
 
 
 def fault_of_skeleton(skeleton: Skeleton) -> str | None:
@@ -250,6 +249,8 @@ def _fault_of_motion(motion: Motion, joints: int) -> str | None:
             return f"has {name} of the shape {values.shape}, expected {shape}"
         if not np.isfinite(values).all():
             return f"has values in {name} that are not finite"
+    if not are_unit(motion.rotations):
+        return "has rotations that are no unit quaternions"
     if tracked and not ((motion.track_joints > 0) & (motion.track_joints < joints)).all():
         return f"has a track on a joint outside 1 to {joints - 1}"
     if not (np.isfinite(motion.fps) and motion.fps > 0):

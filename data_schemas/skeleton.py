@@ -28,7 +28,7 @@ class Skeleton:
     root:    index of the pelvis: the topmost joint of the body.
     unit_m:  metres in one unit of the source file.
     up_axis: the source's up axis, "y" or "z" (turned to Y at ingest).
-    header:  what the writer needs to give the same file back (a BVH's text up to MOTION, newlines as found); may be "".
+    header:  what the writer needs to give the same file back (a BVH's text up to MOTION, newlines as found), or "".
     """
 
     names: tuple[str, ...]

@@ -25,6 +25,7 @@ from data_schemas.clips import (
     ClipReader,
     ClipRow,
     ClipWriter,
+    are_unit,
     as_group,
     read_frames,
     read_whole,
@@ -122,6 +123,8 @@ class TpcWriter(ClipWriter):
         count = self._bone_counts[row.skeleton]
         _check_frames(row, "heads", heads, (row.frames, count, 3))
         _check_frames(row, "rotations", rotations, (row.frames, count, 4))
+        if not are_unit(rotations):
+            raise InputError(f"The clip {row.clip!r} has rotations that are no unit quaternions.")
         group = self._new_clip(row, heads.shape[0])
         write_frames(group, "heads", np.asarray(heads, np.float32))
         write_frames(group, "rotations", np.asarray(rotations, np.float32))
@@ -184,6 +187,8 @@ class TpcReader(ClipReader):
             group = self._group(row)
             heads = read_frames(group, "heads", window, (count, 3), row.frames)
             rotations = read_frames(group, "rotations", window, (count, 4), row.frames)
+            if not are_unit(rotations):
+                raise ValueError(f"the rotations of {clip!r} are no unit quaternions")
             return heads.astype(np.float32, copy=False), rotations.astype(np.float32, copy=False)
 
     def points(
