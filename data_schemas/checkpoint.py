@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
-from data_schemas.clips import reading
+from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, read_newest
 

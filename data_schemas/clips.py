@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -15,15 +13,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
+from data_schemas.hdf5_arrays import group_in
 from data_schemas.manifest import Artefact, read_newest
 from data_schemas.migrations import migrated_folder
 
 CLIPS_NAME = "clips.parquet"
 SPLITS = ("train", "val", "test")
-CHUNK_FRAMES = 256  # a training window of 128 frames touches one chunk or two
-NO_SKELETON = ""
-_UNIT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -95,34 +92,6 @@ def _fault_of(row: ClipRow) -> str | None:
     if row.split not in SPLITS:
         return f"puts the clip {name!r} into the split {row.split!r}, and there are {', '.join(SPLITS)}"
     return None
-
-
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn whatever the libraries raise on a damaged file into one InputError that names it."""
-    try:
-        yield
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} is missing.", "The artefact is damaged or being replaced: run its stage again."
-        ) from None
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        RuntimeError,
-        AttributeError,
-        MemoryError,
-        pa.ArrowException,
-    ) as e:
-        reason = " ".join(str(e).split())[:200]
-        raise InputError(
-            f"{path} is damaged or no file of this kind ({reason}).",
-            "`pumps artefact verify` says which files have changed; the stage that made it makes it again.",
-        ) from None
 
 
 _Self = TypeVar("_Self", bound="ClipWriter")
@@ -218,7 +187,7 @@ class ClipReader:
         return slice(start, end)
 
     def _group(self, row: ClipRow) -> h5py.Group:
-        return as_group(self._file[f"clips/{row.clip}"])
+        return group_in(group_in(self._file, "clips"), row.clip)
 
     def close(self) -> None:
         """Close the file."""
@@ -234,64 +203,3 @@ class ClipReader:
     def __reduce__(self) -> tuple[Any, ...]:
         # An open HDF5 file cannot travel to a worker process; opening it again there can.
         return type(self), (self.artefact,)
-
-
-def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
-    """Store an array (T, ...) chunked along time and compressed, for reading windows of it."""
-    chunks = (min(CHUNK_FRAMES, values.shape[0]), *values.shape[1:])
-    if 0 in chunks:
-        group.create_dataset(name, data=values)
-        return
-    group.create_dataset(name, data=values, chunks=chunks, compression="lzf", shuffle=True)
-
-
-def read_frames(
-    group: h5py.Group, name: str, window: slice, shape: tuple[int | None, ...], frames: int
-) -> np.ndarray:
-    """Read the window of the array `name`; `shape` is that of one frame, None where any size will do.
-
-    Raises:
-        ValueError: the stored array has another shape than the index and the skeleton say.
-    """
-    stored = as_dataset(group[name])
-    expected = (frames, *shape)
-    if len(stored.shape) != len(expected) or any(
-        e is not None and e != s for s, e in zip(stored.shape, expected, strict=True)
-    ):
-        raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {expected}")
-    if stored.dtype.kind not in "fiu" or stored.dtype.itemsize > 8:
-        raise ValueError(f"{group.name}/{name} holds {stored.dtype}, no plain numbers")
-    return np.asarray(stored[window])
-
-
-def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Read the small array `name`, whose shape must be `shape` (None: any size). Raises ValueError otherwise."""
-    stored = as_dataset(group[name])
-    if len(stored.shape) != len(shape) or any(
-        e is not None and e != s for s, e in zip(stored.shape, shape, strict=True)
-    ):
-        raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {shape}")
-    if stored.size is None or stored.size > 10_000_000:
-        raise ValueError(f"{group.name}/{name} is too large")
-    return np.asarray(stored[()]).astype(dtype)
-
-
-def are_unit(rotations: np.ndarray) -> bool:
-    """Whether all quaternions (..., 4) have unit length, but for what rounding may do to it."""
-    return bool((np.abs(np.square(rotations, dtype=np.float32).sum(-1) - 1) < _UNIT_TOLERANCE).all())
-
-
-def as_group(item: Any) -> h5py.Group:
-    """`item` if it is an HDF5 group; ValueError if not."""
-    if not isinstance(item, h5py.Group):
-        raise ValueError(f"{getattr(item, 'name', item)} is no group")
-    return item
-
-
-def as_dataset(item: Any) -> h5py.Dataset:
-    """`item` if it is an HDF5 dataset within the file; ValueError if not."""
-    if not isinstance(item, h5py.Dataset):
-        raise ValueError(f"{getattr(item, 'name', item)} is no dataset")
-    if item.external or item.is_virtual:
-        raise ValueError(f"{item.name} lies in other files")
-    return item

@@ -12,8 +12,10 @@ import os
 
 import numpy as np
 
-from data_schemas.clips import ClipReader, ClipRow, ClipWriter, read_frames, reading, write_frames
+from data_schemas.clips import ClipReader, ClipRow, ClipWriter
+from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
+from data_schemas.hdf5_arrays import read_frames, write_frames
 from data_schemas.manifest import Artefact
 
 __all__ = ["ClipRow", "LatentReader", "LatentWriter"]

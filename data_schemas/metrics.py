@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from data_schemas.clips import reading
+from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, read_newest
 

@@ -16,21 +16,10 @@ import os
 import h5py
 import numpy as np
 
-from data_schemas.clips import (
-    ClipReader,
-    ClipRow,
-    ClipWriter,
-    are_unit,
-    as_dataset,
-    as_group,
-    read_clips,
-    read_frames,
-    read_whole,
-    reading,
-    write_clips,
-    write_frames,
-)
+from data_schemas.clips import ClipReader, ClipRow, ClipWriter, read_clips, write_clips
+from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
+from data_schemas.hdf5_arrays import are_unit, group_in, read_frames, read_text, read_whole, write_frames, write_text
 from data_schemas.manifest import Artefact
 from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Motion, Skeleton
 
@@ -84,9 +73,8 @@ class MotionWriter(ClipWriter):
         if name in self._joints:
             return name
         group = self._skeletons.create_group(name)
-        names = [n.encode("utf-8", errors="surrogatepass") for n in skeleton.names]
-        group.create_dataset("names", data=np.frombuffer(b"\n".join(names), np.uint8))
-        group.create_dataset("header", data=np.frombuffer(skeleton.header.encode("utf-8", "surrogatepass"), np.uint8))
+        write_text(group, "names", "\n".join(skeleton.names))
+        write_text(group, "header", skeleton.header)
         group.create_dataset("parents", data=np.asarray(skeleton.parents, np.int32))
         group.create_dataset("offsets", data=np.asarray(skeleton.offsets, np.float64))
         group.create_dataset("tails", data=np.asarray(skeleton.tails, np.float64))
@@ -132,15 +120,16 @@ class MotionReader(ClipReader):
     def skeletons(self) -> tuple[str, ...]:
         """Ids of all skeletons, sorted."""
         with reading(self._path):
-            return tuple(sorted(as_group(self._file["skeletons"])))
+            return tuple(sorted(group_in(self._file, "skeletons")))
 
     def skeleton(self, name: str) -> Skeleton:
         """The skeleton with this id. Raises InputError if it is not there or damaged."""
         if name not in self._known:
             with reading(self._path):
-                if not name or "/" in name or name not in as_group(self._file["skeletons"]):
+                stored = group_in(self._file, "skeletons")
+                if name not in tuple(stored):
                     raise InputError(f"{self.artefact.path} has no skeleton {name!r}.")
-                self._known[name] = _read_skeleton(as_group(self._file[f"skeletons/{name}"]))
+                self._known[name] = _read_skeleton(group_in(stored, name))
         return self._known[name]
 
     def motion(self, clip: str, start: int = 0, stop: int | None = None) -> Motion:
@@ -179,7 +168,7 @@ def _read_tracks(group: h5py.Group, row: ClipRow, window: slice) -> dict[str, np
 
 
 def _read_skeleton(group: h5py.Group) -> Skeleton:
-    names = _text_of(group, "names").split("\n")
+    names = read_text(group, "names").split("\n")
     joints = len(names)
     skeleton = Skeleton(
         names=tuple(names),
@@ -191,19 +180,12 @@ def _read_skeleton(group: h5py.Group) -> Skeleton:
         root=int(np.asarray(group.attrs["root"])),
         unit_m=float(np.asarray(group.attrs["unit_m"])),
         up_axis=str(group.attrs["up_axis"]),
-        header=_text_of(group, "header"),
+        header=read_text(group, "header"),
     )
     fault = fault_of_skeleton(skeleton)
     if fault:
         raise ValueError(f"{group.name} {fault}")
     return skeleton
-
-
-def _text_of(group: h5py.Group, name: str) -> str:
-    stored = as_dataset(group[name])
-    if stored.dtype != np.uint8 or stored.ndim != 1 or stored.shape[0] > 64 * 2**20:
-        raise ValueError(f"{group.name}/{name} is no text")
-    return np.asarray(stored[()]).tobytes().decode("utf-8", errors="surrogatepass")
 
 
 def fault_of_skeleton(skeleton: Skeleton) -> str | None:

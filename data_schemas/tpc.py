@@ -21,18 +21,10 @@ import h5py
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from data_schemas.clips import (
-    ClipReader,
-    ClipRow,
-    ClipWriter,
-    are_unit,
-    as_group,
-    read_frames,
-    read_whole,
-    reading,
-    write_frames,
-)
+from data_schemas.clips import ClipReader, ClipRow, ClipWriter
+from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
+from data_schemas.hdf5_arrays import are_unit, group_in, read_frames, read_whole, write_frames
 from data_schemas.manifest import Artefact
 from data_schemas.skeleton import BODY_GROUPS
 
@@ -102,7 +94,7 @@ class TpcWriter(ClipWriter):
         if fault:
             raise InputError(f"The set of bones {fault}.")
         if name in self._bone_counts:
-            if as_group(self._bones[name]).attrs["content"] != content:
+            if group_in(self._bones, name).attrs["content"] != content:
                 raise InputError(f"Two different sets of bones have the id {name!r}.")
             return name
         group = self._bones.create_group(name)
@@ -165,9 +157,10 @@ class TpcReader(ClipReader):
         """The bones with this id. Raises InputError if they are not there or damaged."""
         if skeleton not in self._known:
             with reading(self._path):
-                if not skeleton or "/" in skeleton or skeleton not in as_group(self._file["bones"]):
+                stored = group_in(self._file, "bones")
+                if skeleton not in tuple(stored):
                     raise InputError(f"{self.artefact.path} has no bones {skeleton!r}.")
-                self._known[skeleton] = _read_bones(as_group(self._file[f"bones/{skeleton}"]))
+                self._known[skeleton] = _read_bones(group_in(stored, skeleton))
         return self._known[skeleton]
 
     def transforms(self, clip: str, start: int = 0, stop: int | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,39 @@
+"""One way to say that a file is damaged, whichever library found out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pyarrow as pa
+
+from data_schemas.errors import InputError
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn whatever the libraries raise on a damaged file into one InputError that names it."""
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(
+            f"{path} is missing.", "The artefact is damaged or being replaced: run its stage again."
+        ) from None
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        RuntimeError,
+        AttributeError,
+        MemoryError,
+        pa.ArrowException,
+    ) as e:
+        reason = " ".join(str(e).split())[:200]
+        raise InputError(
+            f"{path} is damaged or no file of this kind ({reason}).",
+            "`pumps artefact verify` says which files have changed; the stage that made it makes it again.",
+        ) from None

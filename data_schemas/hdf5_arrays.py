@@ -1,0 +1,93 @@
+"""Arrays and texts in HDF5 files: written for reading windows of them, read with distrust."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+import numpy as np
+
+CHUNK_FRAMES = 256  # a training window of 128 frames touches one chunk or two
+_UNIT_TOLERANCE = 0.01
+_TEXT_LIMIT_BYTES = 64 * 2**20
+
+
+def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
+    """Store an array (T, ...) chunked along time, compressed and check-summed, for reading windows of it."""
+    chunks = (min(CHUNK_FRAMES, values.shape[0]), *values.shape[1:])
+    if 0 in chunks:
+        group.create_dataset(name, data=values)
+        return
+    group.create_dataset(name, data=values, chunks=chunks, compression="lzf", shuffle=True, fletcher32=True)
+
+
+def read_frames(
+    group: h5py.Group, name: str, window: slice, shape: tuple[int | None, ...], frames: int
+) -> np.ndarray:
+    """Read the window of the array `name`; `shape` is that of one frame, None where any size will do.
+
+    Raises:
+        ValueError: the stored array has another shape than the index and the skeleton say.
+    """
+    stored = _dataset_in(group, name)
+    expected = (frames, *shape)
+    if len(stored.shape) != len(expected) or any(
+        e is not None and e != s for s, e in zip(stored.shape, expected, strict=True)
+    ):
+        raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {expected}")
+    if stored.dtype.kind not in "fiu" or stored.dtype.itemsize > 8:
+        raise ValueError(f"{group.name}/{name} holds {stored.dtype}, no plain numbers")
+    return np.asarray(stored[window])
+
+
+def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None, ...]) -> np.ndarray:
+    """Read the small array `name`, whose shape must be `shape` (None: any size). Raises ValueError otherwise."""
+    stored = _dataset_in(group, name)
+    if len(stored.shape) != len(shape) or any(
+        e is not None and e != s for s, e in zip(stored.shape, shape, strict=True)
+    ):
+        raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {shape}")
+    if stored.size is None or stored.size > 10_000_000:
+        raise ValueError(f"{group.name}/{name} is too large")
+    return np.asarray(stored[()]).astype(dtype)
+
+
+def write_text(group: h5py.Group, name: str, text: str) -> None:
+    """Store a text as UTF-8 bytes; bytes that were no UTF-8 in the source (lone surrogates) survive."""
+    group.create_dataset(name, data=np.frombuffer(text.encode("utf-8", "surrogatepass"), np.uint8))
+
+
+def read_text(group: h5py.Group, name: str) -> str:
+    """Read what `write_text` wrote. Raises ValueError if it is no such text."""
+    stored = _dataset_in(group, name)
+    if stored.dtype != np.uint8 or stored.ndim != 1 or stored.shape[0] > _TEXT_LIMIT_BYTES:
+        raise ValueError(f"{group.name}/{name} is no text")
+    return np.asarray(stored[()]).tobytes().decode("utf-8", "surrogatepass")
+
+
+def are_unit(rotations: np.ndarray) -> bool:
+    """Whether all quaternions (..., 4) have unit length, but for what rounding may do to it."""
+    with np.errstate(all="ignore"):
+        return bool((np.abs(np.square(rotations, dtype=np.float32).sum(-1) - 1) < _UNIT_TOLERANCE).all())
+
+
+def group_in(parent: h5py.Group, name: str) -> h5py.Group:
+    """The group `name` right in `parent`. Raises ValueError if there is none."""
+    item = _member(parent, name)
+    if not isinstance(item, h5py.Group):
+        raise ValueError(f"{parent.name}/{name} is no group")
+    return item
+
+
+def _dataset_in(parent: h5py.Group, name: str) -> h5py.Dataset:
+    item = _member(parent, name)
+    if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
+        raise ValueError(f"{parent.name}/{name} is no array within this file")
+    return item
+
+
+def _member(parent: h5py.Group, name: str) -> object:
+    # Only what lies in this very file: a made-up file could link to others.
+    if not name or "/" in name or name == "." or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
+        raise ValueError(f"{parent.name}/{name} is missing")
+    return parent[name]
