@@ -1,0 +1,1 @@
+"""The networks of PUMPS: frame encoder, cloud decoder, latent motion synthesiser."""

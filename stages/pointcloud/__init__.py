@@ -1,0 +1,1 @@
+"""Numerics of temporal point clouds: drawing, neighbours, pairing, body groups."""

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.training.config import DecoderSizes, EncoderSizes, TrainingConfig
+from stages.networks.sizes import DecoderSizes, EncoderSizes
+from stages.training.config import TrainingConfig
 
 
 class Config(TrainingConfig):
@@ -17,5 +18,10 @@ class Config(TrainingConfig):
     encoder: EncoderSizes = EncoderSizes()
     decoder: DecoderSizes = DecoderSizes()
     loss: str = Field("assignment", description="Pairs of points: assignment, or chamfer (PUMPS Table 2).")
-    loss_points: int = Field(0, description="Points of a cloud that the loss pairs, drawn afresh each step; 0 for all.")
-    velocity_weight: float = Field(0.0, description="Weight of a loss on the pairs' velocities; 0 as in the paper.")
+    loss_points: int = Field(
+        0, description="Points of a cloud that the loss pairs, drawn afresh each step; 0 for all."
+    )
+    variation_weight: float = Field(
+        0.0,
+        description="Extra weight of a pair's difference that varies over time; what is constant the keys take off.",
+    )

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.training.config import SynthesiserSizes, TrainingConfig
+from stages.networks.sizes import SynthesiserSizes
+from stages.training.config import TrainingConfig
 
 
 class Config(TrainingConfig):
@@ -17,5 +18,5 @@ class Config(TrainingConfig):
     latent: Path | None = Field(None, description="The latent artefact of the same clips: their statistics.")
     output: Path = Field(description="Folder of the checkpoint artefact.")
     synthesiser: SynthesiserSizes = SynthesiserSizes()
-    centroid_weight: float = Field(4.0, description="Weight of the centroids' squared error (metres) beside the latents'.")
+    centroid_weight: float = Field(0.5, description="Weight of the centroids' error beside the latents'.")
     longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")

@@ -1,49 +1,10 @@
-"""Settings that every training shares, and the sizes of the networks. Imports no torch."""
+"""Settings that every training shares. Imports no torch."""
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from stages.config import DeviceConfig
-
-
-class _Sizes(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class EncoderSizes(_Sizes):
-    """The frame encoder (PUMPS 3.1): vector attention over k neighbours, farthest-point pooling."""
-
-    width: int = Field(32, description="Feature width of a point in the first block; doubles with every pooling.")
-    blocks: int = Field(4, description="Attention blocks, each followed by farthest-point pooling to a quarter.")
-    neighbours: int = Field(8, description="k of the attention over nearest neighbours.")
-    heads: int = Field(8, description="Channel groups that share one attention weight (grouped vector attention).")
-
-
-class DecoderSizes(_Sizes):
-    """The cloud decoder (PUMPS 3.2): RoPE attention over time, noise identities, a point-wise MLP."""
-
-    width: int = Field(512, description="Width of the attention over time.")
-    layers: int = Field(4, description="Layers of attention over time.")
-    heads: int = Field(8, description="Attention heads.")
-    noise: int = Field(128, description="Width of a point's noise identity.")
-    point_width: int = Field(512, description="First hidden width of the point-wise MLP.")
-    point_hidden: int = Field(32, description="Second hidden width of the point-wise MLP.")
-    dropout: float = Field(0.1, description="Share of latent features that sequence-wise dropout leaves out.")
-    positions: str = Field("rope", description="Positions in time: rope, or sinusoidal (PUMPS Table 2).")
-    dropout_kind: str = Field("sequence", description="sequence, or element (PUMPS Table 2).")
-
-
-class SynthesiserSizes(_Sizes):
-    """The latent motion synthesiser (PUMPS 3.3)."""
-
-    width: int = Field(512, description="Width of all attention stages.")
-    heads: int = Field(8, description="Attention heads.")
-    key_layers: int = Field(8, description="Layers over the keyframes alone.")
-    fill_layers: int = Field(8, description="Layers in which missing frames look at the encoded keys.")
-    frame_layers: int = Field(8, description="Layers over all frames.")
-    base: str = Field("skeleton", description="What the residual is added to: the latents of the skeleton's own plain "
-                      "interpolation (skeleton), or the known latents interpolated (latent).")
 
 
 class TrainingConfig(DeviceConfig):
@@ -61,7 +22,9 @@ class TrainingConfig(DeviceConfig):
     average: float = Field(0.999, description="Decay of the moving average of the weights that is kept; 0 for none.")
     sigma_min_m: float = Field(0.025, description="Least standard deviation of the points' offsets, metres.")
     sigma_max_m: float = Field(0.075, description="Largest standard deviation of the points' offsets, metres.")
-    augment: bool = Field(True, description="Playback speed, size and left-right mirror, drawn afresh for each window.")
+    augment: bool = Field(
+        True, description="Playback speed, size and left-right mirror, drawn afresh for each window."
+    )
     mixed_precision: bool = Field(True, description="bfloat16 in the networks where the device computes it faster.")
     validate_every: int = Field(500, description="Steps between validations.")
     checkpoint_every: int = Field(500, description="Steps between checkpoints.")

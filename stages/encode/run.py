@@ -1,0 +1,47 @@
+"""`pumps encode`: a `tpc` artefact and an autoencoder in, every frame's latent out."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from data_schemas.artefact import open_artefact, write_artefact
+from data_schemas.latent import LatentWriter
+from data_schemas.tpc import TpcReader
+from stages.config import StageReport
+from stages.encode.config import Config
+from stages.inference.models import load_autoencoder
+from stages.progress import SILENT, Progress
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Encode every clip; the clip's own drawn points serve, so the same artefacts give the same latents.
+
+    Raises: InputError for bad artefacts.
+    """
+    autoencoder = load_autoencoder(config.ae, config.device)
+    frames = 0
+    with TpcReader(config.tpc) as reader:
+        inputs = [reader.artefact, open_artefact(config.ae, "checkpoint")]
+        progress.start("encoding", sum(row.frames for row in reader.clips))
+        with (
+            write_artefact(
+                config.output, "latent", stage="encode", config=config.model_dump(mode="json"), inputs=inputs
+            ) as draft,
+            LatentWriter(draft.folder, encoder_digest=autoencoder.digest) as writer,
+        ):
+            for row in reader.clips:
+                points, groups = reader.points(row.clip)
+                latents, centroids = autoencoder.encode(torch.from_numpy(points), torch.from_numpy(groups).long())
+                width = np.float16 if config.half else np.float32
+                writer.add(row, latents.cpu().numpy().astype(width), centroids.cpu().numpy())
+                frames += row.frames
+                progress.advance(row.frames)
+            draft.summary.update(clips=len(reader.clips), frames=frames)
+        return StageReport(
+            output=config.output,
+            lines=[
+                f"Encoded {frames} frames of {len(reader.clips)} clips into vectors of {autoencoder.encoder.latent_width}."
+            ],
+            figures={"clips": len(reader.clips), "frames": frames},
+        )

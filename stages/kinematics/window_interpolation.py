@@ -1,0 +1,75 @@
+"""Plain interpolation of a batch of windows of different skeletons at once, on bones' global transforms."""
+
+from __future__ import annotations
+
+import roma
+import torch
+from torch import Tensor
+
+from stages.kinematics.plain_interpolation import interpolate_pose
+
+_APART = 100_000.0  # frames between windows on the joined timeline: no tangent reaches across
+
+
+def interpolate_windows(
+    heads: Tensor, rotations: Tensor, parents: Tensor, known: Tensor, *, smooth: float = 0.0
+) -> tuple[Tensor, Tensor]:
+    """What `interpolate_pose` makes of each window's known frames, by its own hierarchy.
+
+    The windows are laid on one long timeline, so that one call serves them all; a window that ends (or begins)
+    without a key holds its last (first) one.
+
+    Args:
+        heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
+        parents: (B, J), -1 for roots and unused bones, parents before children.
+        known: (B, T), at least one True in every row; other frames are not read.
+        smooth: as in `interpolate_pose`.
+
+    Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
+    """
+    batch, frames, bones = heads.shape[:3]
+    index = parents.clamp_min(0)
+    has_parent = (parents >= 0).unsqueeze(-1)
+    window, frame = _held_keys(known)
+    source = _nearest_known(known)[window, frame]
+    key_heads, key_rotations = heads[window, source], rotations[window, source]
+    at = index[window].unsqueeze(-1)
+    above = torch.gather(key_rotations, 1, at.expand(-1, -1, 4))
+    local = roma.quat_product(roma.quat_conjugation(above), key_rotations)
+    local = torch.where(has_parent[window], local, key_rotations)
+    offsets = roma.quat_action(
+        roma.quat_conjugation(above), key_heads - torch.gather(key_heads, 1, at.expand(-1, -1, 3))
+    )
+    offsets = torch.where(has_parent[window], offsets, key_heads)
+
+    times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
+    key_times = times[window, frame]
+    local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
+    local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
+
+    out_heads, out_rotations = offsets.clone(), local.clone()
+    rows = torch.arange(batch)
+    for bone in range(1, bones):  # parents come before children
+        turn = out_rotations[rows, :, index[:, bone]]
+        place = out_heads[rows, :, index[:, bone]]
+        hangs = has_parent[:, bone].unsqueeze(1)
+        out_rotations[:, :, bone] = torch.where(hangs, roma.quat_product(turn, local[:, :, bone]), local[:, :, bone])
+        moved = place + roma.quat_action(turn, offsets[:, :, bone])
+        out_heads[:, :, bone] = torch.where(hangs, moved, offsets[:, :, bone])
+    return out_heads, out_rotations
+
+
+def _held_keys(known: Tensor) -> tuple[Tensor, Tensor]:
+    """Windows and frames of all keys, with keys added at the ends of windows that have none there."""
+    with_ends = known.clone()
+    with_ends[:, 0] = True
+    with_ends[:, -1] = True
+    return with_ends.nonzero(as_tuple=True)
+
+
+def _nearest_known(known: Tensor) -> Tensor:
+    """(B, T): the known frame that a frame would hold: the last one up to it, or else the first."""
+    frames = torch.arange(known.shape[1]).expand_as(known)
+    before = torch.where(known, frames, -1).cummax(dim=1).values
+    first = known.int().argmax(dim=1, keepdim=True)
+    return torch.where(before < 0, first, before)

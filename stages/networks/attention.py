@@ -1,0 +1,113 @@
+"""Attention over time with rotary positions (RoPE), and the layers built from it."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+
+def rotary_angles(times: Tensor, width: int, longest: float = 1000.0) -> tuple[Tensor, Tensor]:
+    """Cosines and sines of RoFormer's angles at real-valued times.
+
+    Args:
+        times: (..., T) in model frames; need not be whole.
+        width: of one attention head, even.
+        longest: the base of the wavelengths' geometric series, in frames over 2 pi.
+
+    Returns: two tensors (..., T, width / 2).
+    """
+    steps = torch.arange(0, width, 2, device=times.device, dtype=torch.float32) / width
+    angles = times.float().unsqueeze(-1) * longest ** (-steps)
+    return angles.cos(), angles.sin()
+
+
+def rotate(values: Tensor, cosines: Tensor, sines: Tensor) -> Tensor:
+    """Turn each pair (first half, second half) of the features by its angle: a true rotation, so that the score of
+    two frames depends on the difference of their times alone.
+
+    Args:
+        values: (B, H, T, width). cosines, sines: (B or 1, T, width / 2).
+    """
+    first, second = values.chunk(2, dim=-1)
+    cosines, sines = cosines.unsqueeze(1).to(values.dtype), sines.unsqueeze(1).to(values.dtype)
+    return torch.cat([first * cosines - second * sines, second * cosines + first * sines], dim=-1)
+
+
+def sinusoids(times: Tensor, width: int) -> Tensor:
+    """The original Transformer's absolute positions, (..., T, width): the other choice of PUMPS Table 2."""
+    cosines, sines = rotary_angles(times, width, longest=10000.0)
+    return torch.cat([sines, cosines], dim=-1)
+
+
+class TimeAttention(nn.Module):
+    """Multi-head attention over time with rotary positions.
+
+    Args:
+        width: of queries, keys and values. heads: must divide the width into even parts.
+        rotary: without it positions mean nothing here (they were added to the input).
+    """
+
+    def __init__(self, width: int, heads: int, rotary: bool = True):
+        super().__init__()
+        if width % heads or (width // heads) % 2:
+            raise ValueError(f"width {width} does not split into {heads} heads of even width")
+        self.heads, self.rotary = heads, rotary
+        self.query = nn.Linear(width, width, bias=False)
+        self.key_value = nn.Linear(width, 2 * width, bias=False)
+        self.out = nn.Linear(width, width)
+
+    def forward(
+        self,
+        frames: Tensor,
+        times: Tensor,
+        memory: Tensor | None = None,
+        memory_times: Tensor | None = None,
+        known: Tensor | None = None,
+    ) -> Tensor:
+        """Args:
+            frames: (B, T, width), asking, at `times` (B or 1, T).
+            memory: (B, S, width), asked, at `memory_times`; the frames themselves by default.
+            known: (B, S) True where the memory may be attended; None for everywhere. Every row needs one True.
+
+        Returns: (B, T, width).
+        """
+        memory = frames if memory is None else memory
+        memory_times = times if memory_times is None else memory_times
+        query = self._split(self.query(frames))
+        key, value = (self._split(part) for part in self.key_value(memory).chunk(2, dim=-1))
+        if self.rotary:
+            width = query.shape[-1]
+            query = rotate(query, *rotary_angles(times, width))
+            key = rotate(key, *rotary_angles(memory_times, width))
+        mask = None if known is None else known[:, None, None, :]
+        mixed = F.scaled_dot_product_attention(query, key, value, attn_mask=mask)
+        return self.out(mixed.transpose(1, 2).flatten(2))
+
+    def _split(self, values: Tensor) -> Tensor:
+        batch, frames, width = values.shape
+        return values.view(batch, frames, self.heads, width // self.heads).transpose(1, 2)
+
+
+class TimeLayer(nn.Module):
+    """Pre-norm attention over time, then a feed-forward part; asks the frames themselves, or a memory."""
+
+    def __init__(self, width: int, heads: int, rotary: bool = True, widening: int = 4):
+        super().__init__()
+        self.attention_norm, self.memory_norm = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.attention = TimeAttention(width, heads, rotary)
+        self.feed_norm = nn.LayerNorm(width)
+        self.feed = nn.Sequential(nn.Linear(width, widening * width), nn.GELU(), nn.Linear(widening * width, width))
+
+    def forward(
+        self,
+        frames: Tensor,
+        times: Tensor,
+        memory: Tensor | None = None,
+        memory_times: Tensor | None = None,
+        known: Tensor | None = None,
+    ) -> Tensor:
+        """As `TimeAttention.forward`, with residuals; (B, T, width)."""
+        asked = None if memory is None else self.memory_norm(memory)
+        frames = frames + self.attention(self.attention_norm(frames), times, asked, memory_times, known)
+        return frames + self.feed(self.feed_norm(frames))

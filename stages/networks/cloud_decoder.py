@@ -1,0 +1,130 @@
+"""The cloud decoder: latents over time to point trajectories, each point by its own noise identity (PUMPS 3.2)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from stages.kinematics.conventions import GROUPS
+from stages.networks.attention import TimeLayer, sinusoids
+from stages.networks.sizes import DecoderSizes
+
+
+def drop_features(latents: Tensor, share: float, kind: str, generator: torch.Generator | None = None) -> Tensor:
+    """Sequence-wise dropout (PUMPS 3.1): the same features are left out in every frame of a sequence.
+
+    Args:
+        latents: (B, T, D). share: p, the expected share left out; the rest is scaled by 1 / (1 - p).
+        kind: "sequence", or "element" (every frame by itself, PUMPS Table 2).
+    """
+    if share <= 0:
+        return latents
+    shape = (latents.shape[0], 1 if kind == "sequence" else latents.shape[1], latents.shape[2])
+    keep = torch.rand(shape, generator=generator, device=latents.device) >= share
+    return latents * keep / (1 - share)
+
+
+class CloudDecoder(nn.Module):
+    """Latents and centroids -> points. No attention between points, so a point depends on its identity alone.
+
+    A true cloud is linear in the points' places on their bones: p(t) = R(t) u + h(t). So beside the paper's
+    point-wise MLP there is a `skinning` head: the frame's feature gives, for each body group, a 3 x K matrix, the
+    noise identity gives a K-vector, and the point is their product. It costs one small product for a point and a
+    frame where the MLP costs thousands; `DecoderSizes.head` chooses.
+    """
+
+    def __init__(self, latent_width: int, sizes: DecoderSizes):
+        super().__init__()
+        self.sizes = sizes
+        self.embed = nn.Linear(latent_width + 3, sizes.width)
+        self.layers = nn.ModuleList(
+            TimeLayer(sizes.width, sizes.heads, rotary=sizes.positions == "rope") for _ in range(sizes.layers)
+        )
+        self.norm = nn.LayerNorm(sizes.width)
+        head = SkinningHead if sizes.head == "skinning" else PointHead
+        self.head = head(sizes)
+
+    def forward(
+        self,
+        latents: Tensor,
+        centroids: Tensor,
+        times: Tensor,
+        groups: Tensor,
+        noise: Tensor,
+        valid: Tensor | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Tensor:
+        """Args:
+            latents: (B, T, D). centroids: (B, T, 3) metres. times: (B or 1, T) model frames.
+            groups: (B, P) body group of each point to make. noise: (B, P, Z) the points' identities, N(0, 1).
+            valid: (B, T) True for real frames; None for all.
+            generator: of the dropout's mask, in training.
+
+        Returns: (B, T, P, 3) metres.
+        """
+        if self.training:
+            latents = drop_features(latents, self.sizes.dropout, self.sizes.dropout_kind, generator)
+        weight = torch.ones_like(centroids[..., :1]) if valid is None else valid.unsqueeze(-1).to(centroids)
+        middle = (centroids * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True).clamp_min(1)
+        frames = self.embed(torch.cat([latents, centroids - middle], dim=-1))
+        if self.sizes.positions == "sinusoidal":
+            frames = frames + sinusoids(times, frames.shape[-1])
+        for layer in self.layers:
+            frames = layer(frames, times, known=valid)
+        return self.head(self.norm(frames), groups, noise).float() + centroids.unsqueeze(2)
+
+    def draw_noise(self, batch: int, points: int, generator: torch.Generator | None = None) -> Tensor:
+        """Identities of new points, (batch, points, Z)."""
+        device = self.embed.weight.device
+        return torch.randn(batch, points, self.sizes.noise, generator=generator, device=device)
+
+
+class PointHead(nn.Module):
+    """The paper's head: the frame's feature joined to the identity, then linear layers to three coordinates.
+
+    The first layer of a joined vector is a sum of two, W (t + z) = W_t t + W_z z, each taken once for a frame or a
+    point; the frame's part has a projection for each body group.
+    """
+
+    def __init__(self, sizes: DecoderSizes):
+        super().__init__()
+        self.by_frame = nn.Linear(sizes.width, GROUPS * sizes.point_width)
+        self.by_point = nn.Linear(sizes.noise, sizes.point_width, bias=False)
+        self.hidden = nn.Linear(sizes.point_width, sizes.point_hidden)
+        self.out = nn.Linear(sizes.point_hidden, 3)
+
+    def forward(self, frames: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """frames (B, T, W), groups (B, P), noise (B, P, Z) -> (B, T, P, 3) relative to the centroid."""
+        batch, steps, _ = frames.shape
+        by_group = self.by_frame(frames).view(batch, steps, GROUPS, -1)
+        index = groups.long()[:, None, :, None].expand(-1, steps, -1, by_group.shape[-1])
+        joined = torch.gather(by_group, 2, index) + self.by_point(noise).unsqueeze(1)
+        return self.out(F.gelu(self.hidden(F.gelu(joined))))
+
+
+class SkinningHead(nn.Module):
+    """A point is a product of its frame's transforms and its identity's code, within its body group."""
+
+    def __init__(self, sizes: DecoderSizes):
+        super().__init__()
+        self.codes = sizes.codes
+        self.by_frame = nn.Linear(sizes.width, GROUPS * 3 * sizes.codes)
+        self.by_point = nn.Sequential(
+            nn.Linear(sizes.noise + GROUPS, sizes.point_width),
+            nn.GELU(),
+            nn.Linear(sizes.point_width, sizes.point_width),
+            nn.GELU(),
+            nn.Linear(sizes.point_width, sizes.codes),
+        )
+
+    def forward(self, frames: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """frames (B, T, W), groups (B, P), noise (B, P, Z) -> (B, T, P, 3) relative to the centroid."""
+        batch, steps, _ = frames.shape
+        one_hot = F.one_hot(groups.long(), GROUPS).to(noise.dtype)
+        codes = self.by_point(torch.cat([noise, one_hot], dim=-1))  # (B, P, K)
+        codes = (one_hot.to(codes.dtype).unsqueeze(-1) * codes.unsqueeze(2)).flatten(2)  # (B, P, 5 K), own group only
+        transforms = self.by_frame(frames).view(batch, steps, GROUPS, 3, self.codes)
+        transforms = transforms.transpose(2, 3).reshape(batch, steps * 3, GROUPS * self.codes)
+        placed = torch.bmm(transforms, codes.transpose(1, 2)) / self.codes**0.5
+        return placed.view(batch, steps, 3, -1).transpose(2, 3)

@@ -1,0 +1,43 @@
+"""Which device computes, and in which precision."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+
+import torch
+
+from data_schemas.errors import UsageError
+
+
+def choose_device(name: str) -> torch.device:
+    """`auto` takes CUDA, then Apple's MPS, then the CPU.
+
+    Raises: UsageError where the device is not there, naming those that are.
+    """
+    available = ["cpu"]
+    if torch.cuda.is_available():
+        available.insert(0, "cuda")
+    elif torch.backends.mps.is_available():
+        available.insert(0, "mps")
+    if name == "auto":
+        return torch.device(available[0])
+    if name.split(":")[0] not in available:
+        raise UsageError(f"The device {name} is not available here.", f"Use --device {' or '.join(available)}.")
+    return torch.device(name)
+
+
+def computes_bfloat16(device: torch.device) -> bool:
+    """Whether bfloat16 products are faster than float32 there: on GPUs since Ampere, on CPUs with AMX tiles."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported(including_emulation=False)
+    if device.type == "cpu":
+        asks = getattr(torch.cpu, "_is_amx_tile_supported", None)
+        return bool(asks and asks())
+    return False
+
+
+def precision(device: torch.device, mixed: bool) -> AbstractContextManager:
+    """Autocast to bfloat16 where `mixed` and the device gains by it; otherwise nothing."""
+    if mixed and computes_bfloat16(device):
+        return torch.autocast(device.type, torch.bfloat16)
+    return nullcontext()

@@ -1,0 +1,66 @@
+"""How a point is drawn, and where it is at a time (PC-MRL eq. 3, PUMPS 4.2).
+
+A point rides rigidly on one bone: it is drawn once in the bone's frame and its trajectory follows from the bone's
+transforms, so a cloud is one batched transform away from the motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+
+def draw_points(
+    weights: np.ndarray, points: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw points on bones, with probability proportional to `weights`.
+
+    Args:
+        weights: (B,) the bones' weights, their lengths in the papers; 0 is never drawn.
+        points: how many points, P.
+
+    Returns: bones (P,) int32; alphas (P,) float32 uniform on [0, 1] from head to tail; offsets (P, 3) float32
+        standard normal, to be scaled by sigma.
+    """
+    share = np.asarray(weights, dtype=np.float64)
+    bones = rng.choice(len(share), size=points, p=share / share.sum()).astype(np.int32)
+    alphas = rng.uniform(0.0, 1.0, points).astype(np.float32)
+    offsets = rng.standard_normal((points, 3)).astype(np.float32)
+    return bones, alphas, offsets
+
+
+def points_in_bone(tails: Tensor, bones: Tensor, alphas: Tensor, offsets: Tensor, sigma_m: Tensor | float) -> Tensor:
+    """H_x ~ N(alpha T_n, sigma) of PC-MRL eq. 3: drawn points in their bones' frames.
+
+    Args:
+        tails: (..., J, 3) metres.
+        bones: (..., P) index into the bones.
+        alphas: (..., P).
+        offsets: (..., P, 3) standard normal.
+        sigma_m: a number, or (...) with one for each cloud.
+
+    Returns: (..., P, 3) metres.
+    """
+    tail = torch.gather(tails, -2, bones.long().unsqueeze(-1).expand(*bones.shape, 3))
+    sigma = torch.as_tensor(sigma_m, dtype=tails.dtype, device=tails.device)[..., None, None]
+    return alphas.unsqueeze(-1) * tail + sigma * offsets
+
+
+def place_points(heads: Tensor, rotations: Tensor, bones: Tensor, in_bone: Tensor) -> Tensor:
+    """p_u,t = p_n,t + QR(H_x, q_n,t) of PC-MRL eq. 3: points in the world.
+
+    Args:
+        heads: (..., T, J, 3) bones' heads, metres.
+        rotations: (..., T, J, 4) bones' global rotations, xyzw.
+        bones: (..., P).
+        in_bone: (..., P, 3) metres.
+
+    Returns: (..., T, P, 3) metres.
+    """
+    # Turning a bone's frame into a matrix once costs J products; turning P quaternions costs P of them.
+    frames = torch.cat([roma.unitquat_to_rotmat(rotations), heads.unsqueeze(-1)], dim=-1)  # (..., T, J, 3, 4)
+    index = bones.long()[..., None, :, None, None].expand(*heads.shape[:-2], bones.shape[-1], 3, 4)
+    chosen = torch.gather(frames, -3, index)  # (..., T, P, 3, 4)
+    return (chosen[..., :3] @ in_bone[..., None, :, :, None]).squeeze(-1) + chosen[..., 3]

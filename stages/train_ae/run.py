@@ -1,0 +1,33 @@
+"""`pumps train ae`: a `tpc` artefact in, the autoencoder's `checkpoint` out."""
+
+from __future__ import annotations
+
+from data_schemas.tpc import TpcReader
+from stages.config import StageReport
+from stages.networks.device import choose_device
+from stages.progress import SILENT, Progress
+from stages.train_ae.config import Config
+from stages.train_ae.task import AutoencoderTask
+from stages.training.loop import train
+from stages.training.stage import finish, summary_of, window_pools
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Train the autoencoder of clouds.
+
+    Raises: InputError for a bad tpc artefact, PumpsError where the loss stops being a number.
+    """
+    with TpcReader(config.tpc) as reader:
+        progress.start("reading windows")
+        pool, held_back = window_pools(reader)
+        trained_on = summary_of(pool, reader)
+        task = AutoencoderTask(config, pool, held_back, choose_device(config.device))
+        trained = train(task, config, progress=progress)
+        network = {
+            "network": "autoencoder",
+            "encoder": config.encoder.model_dump(),
+            "decoder": config.decoder.model_dump(),
+        }
+        return finish(
+            config, trained, stage="train-ae", network=network, trained_on=trained_on, inputs=[reader.artefact]
+        )

@@ -1,0 +1,143 @@
+"""Training the autoencoder of clouds (PUMPS 3.1, 3.2): what a batch, the loss and the validation are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from stages.kinematics.conventions import GROUPS
+from stages.networks.cloud_decoder import CloudDecoder
+from stages.networks.device import precision
+from stages.networks.frame_encoder import FrameEncoder
+from stages.pointcloud.assignment import chamfer_squared, paired_difference
+from stages.train_ae.config import Config
+from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
+
+_UNIT_M = 0.1  # the loss is in squared decimetres, so that it is near 1 at the start
+
+
+class Autoencoder(nn.Module):
+    """Encoder and decoder together."""
+
+    def __init__(self, config: Config):
+        super().__init__()
+        self.encoder = FrameEncoder(config.encoder)
+        self.decoder = CloudDecoder(self.encoder.latent_width, config.decoder)
+
+
+@dataclass
+class CloudBatch:
+    """points (B, T, P, 3) metres, groups (B, P), valid (B, T)."""
+
+    points: Tensor
+    groups: Tensor
+    valid: Tensor
+
+
+class AutoencoderTask:
+    """A `Task` of the training loop."""
+
+    def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
+        self.config, self.pool, self.device = config, pool, device
+        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
+        self.networks = Autoencoder(config).to(device)
+        rng = np.random.default_rng((config.seed, 7))
+        windows = held_back.draw(32, config.window, rng, augment=False)
+        self.held_back = self._clouds(windows, rng, augment=False, copies=2)
+
+    def draw(self, rng: np.random.Generator) -> CloudBatch:
+        windows = self.pool.draw(self.config.batch, self.config.window, rng, augment=self.config.augment)
+        return self._clouds(windows, rng, augment=self.config.augment)[0]
+
+    def _clouds(
+        self, windows: Windows, rng: np.random.Generator, *, augment: bool, copies: int = 1
+    ) -> list[CloudBatch]:
+        """Clouds of the windows; further copies are other draws of points with the same groups, placed alike."""
+        config = self.config
+        centre = known_centre(windows.heads, windows.valid)
+        cloud = draw_clouds(windows, config.points, (config.sigma_min_m, config.sigma_max_m), rng, augment=augment)
+        batches = []
+        for _ in range(copies):
+            points = clouds_of(windows.heads, windows.rotations, cloud, centre)
+            batches.append(CloudBatch(points, cloud.groups, windows.valid))
+            cloud = cloud.redrawn(windows, rng)
+        return batches
+
+    def _reconstruct(self, batch: CloudBatch, seed: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        points, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
+        frames = points.shape[1]
+        with precision(self.device, self.config.mixed_precision):
+            latents, centroids = self.networks.encoder(points.flatten(0, 1), groups.repeat_interleave(frames, 0))
+            latents, centroids = latents.unflatten(0, (-1, frames)), centroids.unflatten(0, (-1, frames))
+            times = torch.arange(frames, device=self.device).unsqueeze(0)
+            noise = self.networks.decoder.draw_noise(len(points), points.shape[2], seed)
+            made = self.networks.decoder(latents, centroids, times, groups, noise, valid, seed)
+        return made, points, groups, valid
+
+    def loss(self, batch: CloudBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
+        made, points, groups, valid = self._reconstruct(batch, generator)
+        count = self.config.loss_points
+        if 0 < count < points.shape[2]:
+            # Noise and points are drawn independently, so any subset is as good; groups stay equal on both sides.
+            made, points, groups = made[:, :, :count], points[:, :, :count], groups[:, :count]
+        if self.config.loss == "chamfer":
+            value = chamfer_squared(made, points, groups, valid) / _UNIT_M**2
+            return value, {}
+        apart = paired_difference(made, points, groups, valid) / _UNIT_M
+        moving, static = split_over_time(apart, valid)
+        value = static + (1 + self.config.variation_weight) * moving
+        return value, {"rec": float((static + moving).detach()), "moving": float(moving.detach())}
+
+    def validate(self) -> dict[str, float]:
+        """Figures in millimetres: matched pairs' distance (`rec_mm`), the same between two true draws
+        (`reference_mm`), how both vary over time, and the spread ratio; chosen by the variation plus a tenth of rec."""
+        batch, other = self.held_back
+        generator = torch.Generator(device=self.device).manual_seed(0)
+        made, points, groups, valid = self._reconstruct(batch, generator)
+        apart = paired_difference(made, points, groups, valid)
+        truth = paired_difference(other.points.to(self.device), points, groups, valid)
+        rec, moving = _distance_mm(apart, valid)
+        reference, reference_moving = _distance_mm(truth, valid)
+        figures = {"score": moving + 0.1 * rec, "rec_mm": rec, "reference_mm": reference}
+        figures |= {"moving_mm": moving, "reference_moving_mm": reference_moving}
+        figures["spread_ratio"] = float(torch.stack(spread_ratios(made, points, groups)).mean())
+        return figures
+
+
+def split_over_time(apart: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean square of pairs' differences (B, T, P, 3), split in what varies over time and what is constant."""
+    keep = valid[..., None, None].to(apart.dtype)
+    frames = keep.sum(1, keepdim=True).clamp_min(1)
+    constant = (apart * keep).sum(1, keepdim=True) / frames
+    varying = ((apart - constant) * keep).square().sum(-1).sum(1) / frames.squeeze(1).squeeze(-1)
+    return varying.mean(), constant.square().sum(-1).mean()
+
+
+def _distance_mm(apart: Tensor, valid: Tensor) -> tuple[float, float]:
+    keep = valid.unsqueeze(-1).to(apart.dtype)
+    count = keep.sum() * apart.shape[2]
+    constant = (apart * keep.unsqueeze(-1)).sum(1, keepdim=True) / keep.unsqueeze(-1).sum(1, keepdim=True)
+    whole = (apart.norm(dim=-1) * keep).sum() / count
+    moving = ((apart - constant).norm(dim=-1) * keep).sum() / count
+    return 1000 * float(whole), 1000 * float(moving)
+
+
+def spread_ratios(made: Tensor, points: Tensor, groups: Tensor) -> list[Tensor]:
+    """Predicted over true standard deviation of the points of each body group, mean over windows; 1 is right."""
+    ratios = []
+    for group in range(GROUPS):
+        weight = (groups == group)[:, None, :, None].to(points.dtype)
+        count = weight.sum(2, keepdim=True)
+        if bool((count < 2).any()):
+            continue
+        spread = []
+        for cloud in (made, points):
+            mean = (cloud * weight).sum(2, keepdim=True) / count
+            spread.append(
+                ((cloud - mean).square() * weight).sum((2, 3)).div(count.squeeze(2).squeeze(-1)).sqrt().mean()
+            )
+        ratios.append(spread[0] / spread[1])
+    return ratios or [torch.ones(())]

@@ -1,0 +1,115 @@
+"""What the training stages share: pools of windows, the checkpoint that a run ends in, its model card."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data_schemas.artefact import partial_folder, write_artefact
+from data_schemas.checkpoint import write_checkpoint
+from data_schemas.errors import InputError
+from data_schemas.manifest import Artefact
+from data_schemas.tpc import TpcReader
+from stages.config import StageReport
+from stages.training.config import TrainingConfig
+from stages.training.loop import Trained
+from stages.training.windows import WindowPool
+
+
+def window_pools(reader: TpcReader) -> tuple[WindowPool, WindowPool]:
+    """Pools to train on and to validate on; where no clip is marked for validation, the training clips serve."""
+    training = WindowPool(reader, ("train",))
+    try:
+        return training, WindowPool(reader, ("val",))
+    except InputError:
+        return training, training
+
+
+def summary_of(pool: WindowPool, reader: TpcReader) -> str:
+    """One line on what a network was trained on."""
+    rows = [row for row in reader.clips if row.split == "train"]
+    seconds = sum(row.seconds for row in rows)
+    sources = sorted({Path(row.source.split("!")[0]).name if "!" in row.source else "loose files" for row in rows})
+    return f"{len(rows)} clips, {seconds / 3600:.2f} hours, {len(pool.parents)} skeletons, from {', '.join(sources)}"
+
+
+def finish(
+    config: TrainingConfig,
+    trained: Trained,
+    *,
+    stage: str,
+    network: Mapping[str, Any],
+    trained_on: str,
+    inputs: Sequence[Artefact],
+) -> StageReport:
+    """Write the checkpoint artefact of a finished run and forget the unfinished one; tell of one that is not.
+
+    The optimiser's state is kept, so that training can go on from the artefact; `pumps weights` leaves it out.
+    """
+    if not trained.finished:
+        return StageReport(
+            lines=[
+                f"Stopped at step {trained.step} of {config.steps} after {trained.seconds / 60:.1f} minutes; "
+                "run the same command again to go on."
+            ],
+            figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
+        )
+    weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
+    count = sum(value.size for value in weights.values())
+    licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
+    last = next((row for row in reversed(trained.log) if row["split"] == "val"), {})
+    card = _card(stage, config, trained, trained_on, licences, count, last)
+    with write_artefact(
+        config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
+    ) as draft:
+        write_checkpoint(
+            draft.folder,
+            weights=weights,
+            config={**network, "window": config.window, "points": config.points, "trained_on": trained_on},
+            optimiser=None,
+            log=trained.log,
+            card=card,
+        )
+    shutil.rmtree(partial_folder(config.output), ignore_errors=True)
+    figures = {"step": trained.step, "finished": True, "seconds": trained.seconds, "parameters": count, "val": last}
+    return StageReport(
+        output=config.output,
+        lines=[
+            f"{stage}: {count / 1e6:.2f} M parameters, {trained.step} steps in {trained.seconds / 60:.1f} minutes, "
+            f"best validation score {trained.best:.4g}, trained on {trained_on}."
+        ],
+        figures=figures,
+    )
+
+
+def _card(
+    stage: str,
+    config: TrainingConfig,
+    trained: Trained,
+    trained_on: str,
+    licences: Sequence[str],
+    count: int,
+    last: Mapping[str, Any],
+) -> str:
+    lines = [
+        f"# {stage}: weights of pumps",
+        "",
+        f"- Trained on: {trained_on}.",
+        "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
+        *[f"  - {licence}" for licence in licences or ["none stated"]],
+        f"- Size: {count:,} parameters.",
+        f"- Training: {trained.step} steps of {config.batch} windows of {config.window} frames of {config.points} "
+        f"points, {trained.seconds / 60:.1f} minutes, seed {config.seed}.",
+        "",
+        "Last validation:",
+        "",
+        "| figure | value |",
+        "|---|---|",
+        *[f"| {name} | {value:.5g} |" for name, value in last.items() if isinstance(value, int | float)],
+        "",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,213 @@
+"""Windows of motion for training, drawn in batches from a `tpc` artefact.
+
+All clips' bone transforms lie in flat arrays, so that a batch of windows from any mix of skeletons is a few gathers.
+Every batch follows from (seed, step) alone: resuming needs no generator's state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from data_schemas.errors import InputError
+from data_schemas.tpc import TpcReader
+from stages.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
+from stages.pointcloud.sampling import place_points, points_in_bone
+
+_SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
+_SIZE = (0.8, 1.4)
+
+
+@dataclass
+class Windows:
+    """A batch of windows of bones' transforms; J is the largest skeleton's number of bones, rows beyond are unused.
+
+    heads (B, T, J, 3), rotations (B, T, J, 4) global xyzw, valid (B, T), parents (B, J) int64 (-1 for the root),
+    tails (B, J, 3), groups (B, J) int64, weights (B, J) (0 for unseen or unused bones).
+    """
+
+    heads: Tensor
+    rotations: Tensor
+    valid: Tensor
+    parents: Tensor
+    tails: Tensor
+    groups: Tensor
+    weights: Tensor
+
+
+class WindowPool:
+    """All rigid clips of a split in memory.
+
+    Args:
+        reader: the tpc artefact.
+        splits: which splits to take.
+        balance: a data set (the archive a clip came from) is drawn in proportion to its frames to this power:
+            1 is as they come, 0 is an equal share each.
+
+    Raises: InputError where no clip of the splits is long enough or rigid.
+    """
+
+    def __init__(self, reader: TpcReader, splits: Sequence[str], *, least_frames: int = 8, balance: float = 0.5):
+        rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames]
+        rows = [row for row in rows if reader.layout(row.clip) == "rigid"]
+        if not rows:
+            raise InputError(
+                f"The tpc artefact has no rigid clip of {least_frames} frames in {', '.join(splits)}.",
+                "Give longer clips, or splits that name some.",
+            )
+        self._load_skeletons(reader, sorted({row.skeleton for row in rows}))
+        bones = self.tails.shape[1]
+        total = sum(row.frames for row in rows)
+        self.heads = torch.zeros(total, bones, 3)
+        self.rotations = torch.zeros(total, bones, 4)
+        self.rotations[..., 3] = 1
+        starts, start = [], 0
+        for row in rows:
+            heads, rotations = reader.transforms(row.clip)
+            self.heads[start : start + row.frames, : heads.shape[1]] = torch.from_numpy(heads)
+            self.rotations[start : start + row.frames, : heads.shape[1]] = torch.from_numpy(rotations)
+            starts.append(start)
+            start += row.frames
+        self.starts = np.array(starts)
+        self.lengths = np.array([row.frames for row in rows])
+        self.skeletons = np.array([self._order[row.skeleton] for row in rows])
+        self.share = _clip_shares([row.source for row in rows], self.lengths, balance)
+
+    def _load_skeletons(self, reader: TpcReader, names: list[str]) -> None:
+        sets = [reader.bones(name) for name in names]
+        bones = max(len(each.parents) for each in sets)
+        self._order = {name: index for index, name in enumerate(names)}
+        self.parents = torch.full((len(sets), bones), -1, dtype=torch.long)
+        self.tails = torch.zeros(len(sets), bones, 3)
+        self.groups = torch.zeros(len(sets), bones, dtype=torch.long)
+        self.weights = torch.zeros(len(sets), bones)
+        for index, each in enumerate(sets):
+            count = len(each.parents)
+            self.parents[index, :count] = torch.from_numpy(np.asarray(each.parents, dtype=np.int64))
+            self.tails[index, :count] = torch.from_numpy(np.asarray(each.tails, dtype=np.float32))
+            self.groups[index, :count] = torch.from_numpy(np.maximum(np.asarray(each.groups, dtype=np.int64), 0))
+            self.weights[index, :count] = torch.from_numpy(np.asarray(each.weights, dtype=np.float32))
+
+    def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
+        """Windows of up to `window` frames at random places, playback speed varied if `augment`."""
+        clips = rng.choice(len(self.lengths), size=batch, p=self.share)
+        speed = np.exp(rng.uniform(*np.log(_SPEED), batch)) if augment else np.ones(batch)
+        span = np.minimum((window - 1) * speed, self.lengths[clips] - 1)
+        first = rng.uniform(0, 1, batch) * (self.lengths[clips] - 1 - span)
+        if not augment:
+            first = np.floor(first)
+        return self._read(clips, first, speed, window)
+
+    def at(self, clips: np.ndarray, first: np.ndarray, window: int) -> Windows:
+        """The windows of given clips (by index) from given first frames."""
+        return self._read(clips, first.astype(np.float64), np.ones(len(clips)), window)
+
+    def _read(self, clips: np.ndarray, first: np.ndarray, speed: np.ndarray, window: int) -> Windows:
+        last = torch.from_numpy(self.lengths[clips] - 1).unsqueeze(1)
+        wanted = torch.from_numpy(first[:, None] + np.arange(window) * speed[:, None])
+        valid = wanted <= last + 1e-6
+        wanted = torch.minimum(wanted, last.double())
+        below = wanted.floor().long()
+        share = (wanted - below).float()
+        above = torch.minimum(below + 1, last)
+        start = torch.from_numpy(self.starts[clips]).unsqueeze(1)
+        heads, rotations = self.heads[start + below], self.rotations[start + below]
+        if bool((share > 0).any()):
+            heads = torch.lerp(heads, self.heads[start + above], share[..., None, None])
+            rotations = torch.lerp(rotations, self.rotations[start + above], share[..., None, None])
+            rotations = torch.nn.functional.normalize(rotations, dim=-1)
+        kind = torch.from_numpy(self.skeletons[clips])
+        return Windows(
+            heads, rotations, valid, self.parents[kind], self.tails[kind], self.groups[kind], self.weights[kind]
+        )
+
+
+def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) -> np.ndarray:
+    """Each clip's probability: its data set's share, divided by frames within the data set."""
+    sets = np.array([source.split("!")[0] for source in sources])
+    share = np.zeros(len(sets))
+    for name in np.unique(sets):
+        inside = sets == name
+        frames = lengths[inside].sum()
+        share[inside] = frames**balance * lengths[inside] / frames
+    return share / share.sum()
+
+
+@dataclass
+class CloudMap:
+    """Draws that turn windows of transforms into clouds; the same draws serve a motion and its interpolation.
+
+    bones (B, P) int64, in_bone (B, P, 3), groups (B, P) int64 after mirroring, sigma (B,) metres, turn (B, 3, 3) of
+    yaw, mirror and size, shift (B, 1, 1, 3) metres.
+    """
+
+    bones: Tensor
+    in_bone: Tensor
+    groups: Tensor
+    sigma: Tensor
+    turn: Tensor
+    shift: Tensor
+
+    def redrawn(self, windows: Windows, rng: np.random.Generator) -> CloudMap:
+        """Another draw of points, as many in each body group, placed alike."""
+        same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.bones).unsqueeze(2)).float()
+        chance = (windows.weights.unsqueeze(1) * same_group).flatten(0, 1)
+        bones = torch.multinomial(chance, 1, generator=_torch_generator(rng)).view_as(self.bones)
+        in_bone = _in_bone(windows, bones, self.sigma, rng)
+        return replace(self, bones=bones, in_bone=in_bone)
+
+
+def draw_clouds(
+    windows: Windows, points: int, sigma_m: tuple[float, float], rng: np.random.Generator, *, augment: bool
+) -> CloudMap:
+    """Draw points and a placing for each window: yaw over the whole circle, up to half a metre on each axis, and
+    with `augment` mirror and size."""
+    batch = len(windows.heads)
+    bones = torch.multinomial(windows.weights, points, replacement=True, generator=_torch_generator(rng))
+    sigma = torch.from_numpy(rng.uniform(*sigma_m, batch).astype(np.float32))
+    in_bone = _in_bone(windows, bones, sigma, rng)
+    groups = torch.gather(windows.groups, 1, bones)
+    yaw = rng.uniform(0, WHOLE_TURN, batch)
+    size = np.exp(rng.uniform(*np.log(_SIZE), batch)) if augment else np.ones(batch)
+    flip = rng.uniform(0, 1, batch) < 0.5 if augment else np.zeros(batch, bool)
+    turn = torch.from_numpy(_turns(yaw, size, flip)).float()
+    mirrored = torch.tensor(MIRRORED_GROUP)[groups]
+    groups = torch.where(torch.from_numpy(flip).unsqueeze(1), mirrored, groups)
+    shift = torch.from_numpy(rng.uniform(-0.5, 0.5, (batch, 1, 1, 3)).astype(np.float32))
+    return CloudMap(bones, in_bone, groups, sigma, turn, shift)
+
+
+def _torch_generator(rng: np.random.Generator) -> torch.Generator:
+    return torch.Generator().manual_seed(int(rng.integers(2**62)))
+
+
+def _in_bone(windows: Windows, bones: Tensor, sigma: Tensor, rng: np.random.Generator) -> Tensor:
+    alphas = torch.from_numpy(rng.uniform(0, 1, bones.shape).astype(np.float32))
+    offsets = torch.from_numpy(rng.standard_normal((*bones.shape, 3)).astype(np.float32))
+    return points_in_bone(windows.tails, bones, alphas, offsets, sigma)
+
+
+def _turns(yaw: np.ndarray, size: np.ndarray, flip: np.ndarray) -> np.ndarray:
+    """(B, 3, 3): about Y by yaw, after mirroring X where `flip`, scaled by size."""
+    turn = np.zeros((len(yaw), 3, 3))
+    sign = np.where(flip, -1.0, 1.0)
+    turn[:, 0, 0], turn[:, 0, 2] = np.cos(yaw) * sign, np.sin(yaw)
+    turn[:, 2, 0], turn[:, 2, 2] = -np.sin(yaw) * sign, np.cos(yaw)
+    turn[:, 1, 1] = 1.0
+    return turn * size[:, None, None]
+
+
+def clouds_of(heads: Tensor, rotations: Tensor, cloud: CloudMap, centre: Tensor) -> Tensor:
+    """Points (B, T, P, 3) of transforms under the draws of `cloud`; `centre` (B, 1, 1, 3) goes to the origin."""
+    placed = place_points(heads - centre, rotations, cloud.bones, cloud.in_bone)
+    return placed @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
+
+
+def known_centre(heads: Tensor, known: Tensor) -> Tensor:
+    """(B, 1, 1, 3) mean of the root (bone 0) over known frames: only these may place the window."""
+    weight = known.unsqueeze(-1).to(heads.dtype)
+    return ((heads[:, :, 0] * weight).sum(1) / weight.sum(1).clamp_min(1)).view(-1, 1, 1, 3)
