@@ -51,11 +51,9 @@ def interpolate_pose(
     Returns: local (T, J, 4) sign-continuous in rising time, roots (T, 3), offsets (T, J, 3) (or (J, 3) as given).
     Raises: UsageError where there is no key or the key times do not rise.
     """
-    keys = len(key_times)
-    if keys == 0 or bool((key_times.diff() <= 0).any()):
-        raise UsageError("The key times must be one or more strictly rising numbers.")
+    _check_key_times(key_times)
     varying = offsets.dim() == 3
-    if keys == 1:
+    if len(key_times) == 1:
         held = times.new_zeros(len(times), dtype=torch.long)
         return local[held], roots[held], offsets[held] if varying else offsets
     segments = locate_segments(key_times, times)
@@ -64,6 +62,23 @@ def interpolate_pose(
     roots_out = _position_curve(roots, lengths, segments, smooth)
     offsets_out = _position_curve(offsets, lengths, segments, smooth) if varying else offsets
     return local_out, roots_out, offsets_out
+
+
+def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smooth: float = 0.0) -> Tensor:
+    """Values (K, ...) at keys to values (T, ...) at times: lines, or with `smooth` 1 without kinks; held outside.
+
+    Raises: UsageError where there is no key or the key times do not rise.
+    """
+    _check_key_times(key_times)
+    if len(key_times) == 1:
+        return values.expand(len(times), *values.shape[1:])
+    lengths = key_times.double().diff().float()
+    return _position_curve(values, lengths, locate_segments(key_times, times), smooth)
+
+
+def _check_key_times(key_times: Tensor) -> None:
+    if len(key_times) == 0 or bool((key_times.diff() <= 0).any()):
+        raise UsageError("The key times must be one or more strictly rising numbers.")
 
 
 def _continuous_signs(rotations: Tensor) -> Tensor:

@@ -1,0 +1,75 @@
+"""Smooth a solved motion in time without moving its keys (Whittaker's smoother on uneven times)."""
+
+from __future__ import annotations
+
+import numpy as np
+import roma
+import torch
+from scipy.linalg import solveh_banded
+from torch import Tensor
+
+PINNED = 1e9  # weight of a value that must not move, against 1 for the others
+
+
+def smooth_corrections(
+    values: np.ndarray, bends: np.ndarray, times: np.ndarray, pinned: np.ndarray, span: float
+) -> np.ndarray:
+    """Corrections that stay near `values` and make the motion's acceleration, base included, small.
+
+    Minimises the sum over time of |c - values|^2 + span^4 |c'' + bends|^2: waves shorter than about
+    2 pi span are flattened, slower ones stay.
+
+    Args:
+        values: (N, F) solved corrections.
+        bends: (N, F) second time derivative of the base that they are added to, in units per time^2.
+        times: (N,) strictly rising.
+        pinned: (N,) True where the correction is zero and stays so.
+        span: in units of the times; 0 gives `values` back.
+
+    Returns: (N, F) float64, exactly zero where pinned.
+    """
+    values = np.where(pinned[:, None], 0.0, values)
+    if span <= 0 or len(times) < 3:
+        return values
+    h = np.diff(times)
+    width = (h[:-1] + h[1:]) / 2
+    # The second derivative at inner time i is left * c[i-1] + middle * c[i] + right * c[i+1].
+    left, right = 1 / (h[:-1] * width), 1 / (h[1:] * width)
+    middle = -(left + right)
+    stiff = span**4 * width
+    own = np.concatenate([h[:1] / 2, width, h[-1:] / 2])
+    weight = np.where(pinned, PINNED, own)
+    bands = np.zeros((3, len(times)))  # lower form: diagonal, first and second below it
+    bands[0] = weight
+    bands[0, :-2] += stiff * left**2
+    bands[0, 1:-1] += stiff * middle**2
+    bands[0, 2:] += stiff * right**2
+    bands[1, :-2] += stiff * left * middle
+    bands[1, 1:-1] += stiff * middle * right
+    bands[2, :-2] += stiff * left * right
+    wanted = weight[:, None] * values
+    push = stiff[:, None] * bends[1:-1]
+    wanted[:-2] -= left[:, None] * push
+    wanted[1:-1] -= middle[:, None] * push
+    wanted[2:] -= right[:, None] * push
+    return np.where(pinned[:, None], 0.0, solveh_banded(bands, wanted, lower=True))
+
+
+def bends_of_rotations(rotations: Tensor, times: np.ndarray) -> np.ndarray:
+    """Angular acceleration (N, J, 3) of rotations (N, J, 4) in their own axes; zeros at both ends."""
+    turns = roma.quat_product(roma.quat_conjugation(rotations[:-1]), rotations[1:])
+    turns = torch.where(turns[..., 3:] < 0, -turns, turns)
+    return _rates_to_bends(roma.unitquat_to_rotvec(turns).double().numpy(force=True), times)
+
+
+def bends_of_positions(positions: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Acceleration (N, ...) of values (N, ...); zeros at both ends."""
+    return _rates_to_bends(np.diff(positions, axis=0), times)
+
+
+def _rates_to_bends(steps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    h = np.diff(times).reshape(-1, *[1] * (steps.ndim - 1))
+    rates = steps / h
+    bends = np.zeros((len(steps) + 1, *steps.shape[1:]))
+    bends[1:-1] = np.diff(rates, axis=0) / ((h[1:] + h[:-1]) / 2)
+    return bends
