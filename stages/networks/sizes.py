@@ -12,41 +12,46 @@ class Sizes(BaseModel):
 class EncoderSizes(Sizes):
     """The frame encoder (PUMPS 3.1): vector attention over k neighbours, farthest-point pooling."""
 
-    width: int = Field(32, description="Feature width of a point in the first block; doubles with every pooling.")
-    blocks: int = Field(4, description="Attention blocks, each followed by farthest-point pooling to a quarter.")
-    neighbours: int = Field(8, description="k of the attention over nearest neighbours.")
-    heads: int = Field(8, description="Channel groups that share one attention weight (grouped vector attention).")
+    width: int = Field(
+        default=32, description="Feature width of a point in the first block; doubles with every pooling."
+    )
+    blocks: int = Field(
+        default=4, description="Attention blocks, each followed by farthest-point pooling to a quarter."
+    )
+    neighbours: int = Field(default=8, description="k of the attention over nearest neighbours.")
+    heads: int = Field(
+        default=8, description="Channel groups that share one attention weight (grouped vector attention)."
+    )
 
 
 class DecoderSizes(Sizes):
     """The cloud decoder (PUMPS 3.2): RoPE attention over time, noise identities, a point-wise MLP."""
 
-    width: int = Field(512, description="Width of the attention over time.")
-    layers: int = Field(4, description="Layers of attention over time.")
-    heads: int = Field(8, description="Attention heads.")
-    noise: int = Field(128, description="Width of a point's noise identity.")
+    width: int = Field(default=512, description="Width of the attention over time.")
+    layers: int = Field(default=4, description="Layers of attention over time.")
+    heads: int = Field(default=8, description="Attention heads.")
+    noise: int = Field(default=128, description="Width of a point's noise identity.")
     head: str = Field(
-        "mlp", description="How a point is made: mlp (PUMPS), or skinning (frame transforms times codes)."
+        default="mlp", description="How a point is made: mlp (PUMPS), or skinning (frame transforms times codes)."
     )
-    codes: int = Field(64, description="Width of a point's code in the skinning head.")
-    point_width: int = Field(512, description="First hidden width of the point-wise MLP.")
-    point_hidden: int = Field(32, description="Second hidden width of the point-wise MLP.")
-    dropout: float = Field(0.1, description="Share of latent features that sequence-wise dropout leaves out.")
-    positions: str = Field("rope", description="Positions in time: rope, or sinusoidal (PUMPS Table 2).")
-    dropout_kind: str = Field("sequence", description="sequence, or element (PUMPS Table 2).")
+    codes: int = Field(default=64, description="Width of a point's code in the skinning head.")
+    point_width: int = Field(default=512, description="First hidden width of the point-wise MLP.")
+    point_hidden: int = Field(default=32, description="Second hidden width of the point-wise MLP.")
+    dropout: float = Field(default=0.1, description="Share of latent features that sequence-wise dropout leaves out.")
+    positions: str = Field(default="rope", description="Positions in time: rope, or sinusoidal (PUMPS Table 2).")
+    dropout_kind: str = Field(default="sequence", description="sequence, or element (PUMPS Table 2).")
 
 
 class SynthesiserSizes(Sizes):
     """The latent motion synthesiser (PUMPS 3.3)."""
 
-    width: int = Field(512, description="Width of all attention stages.")
-    heads: int = Field(8, description="Attention heads.")
-    key_layers: int = Field(8, description="Layers over the keyframes alone.")
-    fill_layers: int = Field(8, description="Layers in which missing frames look at the encoded keys.")
-    frame_layers: int = Field(8, description="Layers over all frames.")
+    width: int = Field(default=512, description="Width of all attention stages.")
+    heads: int = Field(default=8, description="Attention heads.")
+    key_layers: int = Field(default=8, description="Layers over the keyframes alone.")
+    fill_layers: int = Field(default=8, description="Layers in which missing frames look at the encoded keys.")
+    frame_layers: int = Field(default=8, description="Layers over all frames.")
     base: str = Field(
-        "skeleton",
+        default="skeleton",
         description="What the residual is added to: the latents of the skeleton's own plain "
         "interpolation (skeleton), or the known latents interpolated (latent).",
     )
-    base_smooth: float = Field(0.5, description="How far that interpolation leaves slerp (0) for the C1 cubic (1).")

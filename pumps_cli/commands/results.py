@@ -1,0 +1,34 @@
+"""`pumps results`: the table of a metrics artefact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pumps_cli.outcome import Manner, show, told
+from pumps_cli.stage_command import AsJson, Debug, Quiet
+
+app = typer.Typer(epilog="Example: pumps results runs/demo/evaluate")
+
+
+@app.callback(invoke_without_command=True)
+def results(
+    metrics: Annotated[Path, typer.Argument(help="Folder of the metrics artefact.")],
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> None:
+    """Print the table of a metrics artefact."""
+    # Only now: the modules behind these names are slow to load, and help must not wait for them.
+    from dataclasses import asdict
+
+    from data_schemas.manifest import open_artefact
+    from data_schemas.metrics import read_metrics
+    from stages.evaluate.tables import cells, terminal_lines
+
+    manner = Manner(quiet=quiet, json=as_json, debug=debug)
+    with told(manner, "pumps results"):
+        rows, _ = read_metrics(open_artefact(metrics, "metrics"))
+        show(manner, lambda: terminal_lines(cells(rows)), lambda: [asdict(row) for row in rows])

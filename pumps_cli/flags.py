@@ -1,0 +1,111 @@
+"""Flags made from a stage's Config: one for each field, its description as help, its default shown.
+
+Values stay text here: the Config itself says what is right, so that flags, files and presets are judged alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from inspect import Parameter
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import typer
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+_METAVARS = {int: "INT", float: "NUMBER", Path: "PATH", str: "TEXT"}
+_JOINT = "__"  # between a table and its field in a Python name
+_SHORT: dict[str, tuple[str, ...]] = {"output": ("-o",)}
+
+
+def parameters_of(config_type: type[BaseModel], arguments: tuple[str, ...]) -> list[Parameter]:
+    """A command's parameters: `arguments` by place, every other field as a flag, nested ones as --table.field."""
+    ordered = [(name, config_type.model_fields[name]) for name in arguments]
+    placed = [_argument(name, field) for name, field in ordered]
+    flagged = [(path, field) for path, field in _fields(config_type) if ".".join(path) not in arguments]
+    flagged.sort(key=lambda item: not item[1].is_required())  # what must be given comes first
+    return placed + [_flag(path, field) for path, field in flagged]
+
+
+def values_given(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The nested settings that the user gave, out of the command's parameters."""
+    values: dict[str, Any] = {}
+    for name, value in parameters.items():
+        if value is None or (isinstance(value, (list, tuple)) and not value):
+            continue
+        *tables, key = name.split(_JOINT)
+        inner = values
+        for table in tables:
+            inner = inner.setdefault(table, {})
+        inner[key] = tuple(value) if isinstance(value, list) else value
+    return values
+
+
+def _fields(config_type: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], FieldInfo]]:
+    for name, field in config_type.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _fields(field.annotation, (*path, name))
+        else:
+            yield (*path, name), field
+
+
+def _argument(name: str, field: FieldInfo) -> Parameter:
+    several, _ = _shape(field.annotation)
+    kind = list[str] if several else str
+    detail = typer.Argument(help=_escaped(field.description), metavar=name.upper(), show_default=False)
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[kind | None, detail])
+
+
+def _flag(path: tuple[str, ...], field: FieldInfo) -> Parameter:
+    several, inner = _shape(field.annotation)
+    flag = "--" + ".".join(path).replace("_", "-")
+    panel = f"Settings of the {path[0]}" if len(path) > 1 else None
+    help_text = _escaped(_help_text(field, several))
+    if inner is bool:
+        off = "--" + ".".join((*path[:-1], f"no-{path[-1]}")).replace("_", "-")
+        detail = typer.Option(f"{flag}/{off}", help=help_text, metavar="", show_default=False, rich_help_panel=panel)
+        annotation: Any = Annotated[bool | None, detail]
+    else:
+        detail = typer.Option(
+            flag, *_SHORT.get(".".join(path), ()), help=help_text, metavar=_metavar(inner), show_default=False,
+            rich_help_panel=panel,
+        )  # fmt: skip
+        annotation = Annotated[list[str] | None, detail] if several else Annotated[str | None, detail]
+    return Parameter(_JOINT.join(path), Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _shape(annotation: Any) -> tuple[bool, Any]:
+    """Whether the field takes several values, and the type of one (None taken off)."""
+    if get_origin(annotation) in (Union, UnionType):
+        annotation = next(part for part in get_args(annotation) if part is not type(None))
+    if get_origin(annotation) is tuple:
+        return True, get_args(annotation)[0]
+    return False, annotation
+
+
+def _metavar(inner: Any) -> str:
+    if get_origin(inner) is Literal:
+        return "|".join(str(choice) for choice in get_args(inner))
+    return _METAVARS.get(inner, "TEXT")
+
+
+def _help_text(field: FieldInfo, several: bool) -> str:
+    """The description, and in brackets whether it may be repeated and what holds without it."""
+    remarks = ["repeatable"] if several else []
+    if field.is_required():
+        remarks.append("required")
+    else:
+        default = field.get_default(call_default_factory=True)
+        if isinstance(default, bool):
+            remarks.append(f"default: {'yes' if default else 'no'}")
+        elif default is not None and default != ():
+            shown = " ".join(str(item) for item in default) if isinstance(default, tuple) else default
+            remarks.append(f"default: {shown}")
+    return f"{field.description or ''} ({'; '.join(remarks)})" if remarks else field.description or ""
+
+
+def _escaped(text: str | None) -> str:
+    """Rich reads [words] as markup; these are not."""
+    return (text or "").replace("[", "\\[")

@@ -1,0 +1,80 @@
+"""How a command ends: what it prints, what it returns to the shell, and that no traceback escapes."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import typer
+
+from data_schemas.errors import PumpsError
+
+if TYPE_CHECKING:
+    from stages.config import StageReport
+
+COULD_NOT = 1
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How the user wants to be told: not at all, as JSON, with tracebacks."""
+
+    quiet: bool = False
+    json: bool = False
+    debug: bool = False
+
+
+@contextmanager
+def told(manner: Manner, command: str) -> Iterator[None]:
+    """Turn every error inside into one sentence on stderr and an exit code (1, 2, 3; 130 when interrupted)."""
+    try:
+        with warnings.catch_warnings():
+            if not manner.debug:
+                warnings.simplefilter("ignore")  # libraries' remarks to programmers
+            yield
+    except PumpsError as error:
+        _fail(manner, error.message, error.hint, error.exit_code)
+    except KeyboardInterrupt:
+        _fail(manner, f"`{command}` was interrupted.", "What was finished is kept.", INTERRUPTED)
+    except (typer.Exit, BrokenPipeError):
+        raise
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename else ""
+        _fail(manner, f"`{command}` could not go on: {error.strerror or error}{where}.", None, COULD_NOT)
+    except MemoryError:
+        _fail(manner, f"`{command}` ran out of memory.", "Give it fewer or shorter clips at a time.", COULD_NOT)
+    except Exception as error:
+        cause = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        _fail(manner, f"`{command}` failed: {cause}.", "This is a fault of pumps; --debug shows where.", COULD_NOT)
+
+
+def _fail(manner: Manner, message: str, hint: str | None, code: int) -> None:
+    if manner.debug:
+        traceback.print_exc()
+    if manner.json:
+        print(json.dumps({"error": message, "hint": hint, "exit_code": code}))
+    else:
+        between = "\n" if "\n" in message else " "  # a list of faults stands on lines of its own
+        print(f"pumps: {message}" + (f"{between}{hint}" if hint else ""), file=sys.stderr)
+    raise typer.Exit(code)
+
+
+def show_report(manner: Manner, report: StageReport) -> None:
+    """Print a stage's report: its lines for a person, or all of it as one JSON object."""
+    show(manner, lambda: report.lines, lambda: report.model_dump(mode="json"))
+
+
+def show(manner: Manner, lines: Callable[[], list[str]], data: Callable[[], object]) -> None:
+    """Print lines, or JSON, or nothing, as the user wants it."""
+    if manner.json:
+        print(json.dumps(data()))
+    elif not manner.quiet:
+        for line in lines():
+            print(line)

@@ -1,0 +1,1 @@
+"""Can pumps work here?"""

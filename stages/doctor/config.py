@@ -1,0 +1,9 @@
+"""Settings of `pumps doctor`."""
+
+from __future__ import annotations
+
+from stages.config import DeviceConfig
+
+
+class Config(DeviceConfig):
+    """Tell versions, devices and weights."""

@@ -1,0 +1,1 @@
+"""A few test clips, copied out of their sources as BVH files."""

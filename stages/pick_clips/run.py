@@ -1,0 +1,70 @@
+"""`pumps pick-clips`: a few test clips, copied out of their sources byte for byte, to be filled and looked at."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from data_schemas.clips import ClipRow
+from data_schemas.errors import InputError
+from data_schemas.manifest import open_artefact
+from data_schemas.motion import MotionReader
+from stages.config import StageReport
+from stages.formats.sources import find_sources
+from stages.pick_clips.config import Config
+from stages.progress import SILENT, Progress
+
+LIST_NAME = "clips.txt"
+_SHORTEST_S = 2.0  # below it there is hardly a gap to fill
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Write OUTPUT/<clip>.bvh for each clip picked, then OUTPUT/clips.txt, which lists them; others are removed.
+
+    Raises:
+        InputError: the artefact has no clip of these splits, or its sources are gone.
+    """
+    artefact = open_artefact(config.motion, "motion")
+    with MotionReader(artefact) as reader:
+        picked = pick(reader.clips, config)
+    if not picked:
+        raise InputError(
+            f"{config.motion} has no clip in the split {' or '.join(config.splits)}.",
+            "Name some in the file given to `pumps ingest --splits`.",
+        )
+    sources = {source.name: source for source in find_sources(artefact.manifest.config["sources"])}
+    config.output.mkdir(parents=True, exist_ok=True)
+    progress.start("Copying clips", len(picked))
+    for row in picked:
+        if row.source not in sources:
+            raise InputError(f"The source {row.source} of {config.motion} is gone.", "Run `pumps ingest` again.")
+        _replace(config.output / f"{row.clip}.bvh", sources[row.source].read())
+        progress.advance(1, row.clip)
+    for stale in set(config.output.glob("*.bvh")) - {config.output / f"{row.clip}.bvh" for row in picked}:
+        stale.unlink()
+    names = [row.clip for row in picked]
+    _replace(config.output / LIST_NAME, "".join(f"{name}.bvh\n" for name in names).encode())
+    return StageReport(output=config.output, lines=[f"picked {', '.join(names)}"], figures={"clips": names})
+
+
+def pick(rows: Sequence[ClipRow], config: Config) -> list[ClipRow]:
+    """Clips in turn from each pair of archive and skeleton, those of a handy length first. No chance is in it."""
+    kinds: dict[tuple[str, str], list[ClipRow]] = {}
+    for row in sorted(rows, key=lambda row: (not _SHORTEST_S <= row.seconds <= config.longest_s, row.clip)):
+        if row.split in config.splits:
+            archive = row.source.partition("!")[0] if "!" in row.source else ""
+            kinds.setdefault((archive, row.skeleton), []).append(row)
+    picked: list[ClipRow] = []
+    queues = [kinds[kind] for kind in sorted(kinds)]
+    while len(picked) < config.count and any(queues):
+        for queue in queues:
+            if queue and len(picked) < config.count:
+                picked.append(queue.pop(0))
+    return picked
+
+
+def _replace(path: Path, content: bytes) -> None:
+    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
+    fresh.write_bytes(content)
+    os.replace(fresh, path)

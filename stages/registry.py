@@ -1,0 +1,158 @@
+"""Every stage, in order: the command that runs it, what it reads and writes. Help, README and tests come from here.
+
+Modules are named by strings, so that asking what stages there are loads none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from stages.config import StageConfig, StageReport
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the pipeline, or a tool beside it.
+
+    name:      its table in a preset, its config file and its folder in a run ("train-ae").
+    command:   the words after `pumps` ("train", "ae").
+    package:   the package that holds `config.Config` and `run.run`.
+    summary:   one sentence for help and tables.
+    reads:     kinds of artefacts or files that it reads.
+    writes:    kind of artefact or file that it writes; "" for a tool that only tells.
+    example:   a command line that a user would type.
+    arguments: fields of its Config that are given by place, not by flag.
+    needs:     in a run, the stages whose outputs it reads.
+    pipeline:  False for a tool that is no node of a run.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    package: str
+    summary: str
+    reads: tuple[str, ...]
+    writes: str
+    example: str
+    arguments: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    pipeline: bool = True
+
+    def config_type(self) -> type[StageConfig]:
+        """The stage's Config. Loads no torch."""
+        return import_module(f"{self.package}.config").Config
+
+    def runner(self) -> Callable[..., StageReport]:
+        """The stage's `run(config, *, progress)`. Loads whatever the stage computes with."""
+        return import_module(f"{self.package}.run").run
+
+
+STAGES: tuple[Stage, ...] = (
+    Stage(
+        "ingest", ("ingest", "bvh"), "stages.ingest",
+        "Read recordings (BVH files, folders, globs, zip archives) into one motion artefact.",
+        ("BVH",), "motion", "pumps ingest bvh recordings/ more.zip -o runs/mine/ingest",
+        arguments=("sources",),
+    ),
+    Stage(
+        "sample-tpc", ("sample-tpc",), "stages.sample_tpc",
+        "Scatter points around the bones: motion to temporal point clouds.",
+        ("motion",), "tpc", "pumps sample-tpc --motion runs/mine/ingest -o runs/mine/sample-tpc",
+        needs=("ingest",),
+    ),
+    Stage(
+        "train-ae", ("train", "ae"), "stages.train_ae",
+        "Train the autoencoder of clouds.",
+        ("tpc",), "checkpoint",
+        "pumps train ae --preset tiny --tpc runs/mine/sample-tpc -o runs/mine/train-ae",
+        needs=("sample-tpc",),
+    ),
+    Stage(
+        "encode", ("encode",), "stages.encode",
+        "Turn every frame's cloud into a latent vector.",
+        ("tpc", "checkpoint"), "latent",
+        "pumps encode --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/encode",
+        needs=("sample-tpc", "train-ae"),
+    ),
+    Stage(
+        "train-lms", ("train", "lms"), "stages.train_lms",
+        "Train the latent motion synthesiser, which fills in missing frames.",
+        ("tpc", "checkpoint", "latent"), "checkpoint",
+        "pumps train lms --preset tiny --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/train-lms",
+        needs=("sample-tpc", "train-ae", "encode"),
+    ),
+    Stage(
+        "pick-clips", ("pick-clips",), "stages.pick_clips",
+        "Copy a few test clips out of the sources as BVH files, to be filled.",
+        ("motion",), "BVH", "pumps pick-clips --motion runs/mine/ingest -o runs/mine/pick-clips",
+        needs=("ingest",),
+    ),
+    Stage(
+        "infill", ("infill",), "stages.infill",
+        "Fill a BVH between its keyframes, on its own skeleton.",
+        ("BVH", "checkpoint"), "BVH", "pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh",
+        arguments=("input",), needs=("pick-clips", "train-ae", "train-lms"),
+    ),
+    Stage(
+        "decode", ("decode",), "stages.decode",
+        "Turn latents back into clouds and skeletal motion.",
+        ("latent", "checkpoint", "motion"), "tpc or motion",
+        "pumps decode --latent runs/mine/encode --ae runs/mine/train-ae -o runs/mine/decode",
+        needs=("ingest", "train-ae", "encode"),
+    ),
+    Stage(
+        "evaluate", ("evaluate",), "stages.evaluate",
+        "Measure filling on the test clips, beside LERP and SLERP.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps evaluate --motion runs/mine/ingest --weights tiny -o runs/mine/evaluate",
+        needs=("ingest", "train-ae", "train-lms"),
+    ),
+    Stage(
+        "report", ("report",), "stages.report",
+        "Write one HTML page that opens offline: results, loss curves, motions side by side.",
+        ("metrics", "checkpoint", "motion", "BVH"), "HTML",
+        "pumps report --metrics runs/mine/evaluate --checkpoints runs/mine/train-ae -o report.html",
+        needs=("train-ae", "train-lms", "infill", "evaluate"),
+    ),
+    Stage(
+        "inspect", ("inspect",), "stages.inspect_file",
+        "Tell what a motion file holds: skeleton, body groups, unit, rate, problems.",
+        ("BVH",), "", "pumps inspect walk.bvh",
+        arguments=("path",), pipeline=False,
+    ),
+    Stage(
+        "doctor", ("doctor",), "stages.doctor",
+        "Tell whether pumps can work here: versions, devices, weights found.",
+        (), "", "pumps doctor",
+        pipeline=False,
+    ),
+)  # fmt: skip
+
+GROUP_SUMMARIES = {
+    "ingest": "Read recordings into a motion artefact.",
+    "train": "Train a network.",
+}
+
+
+def stage_named(name: str) -> Stage:
+    """The stage with this name. Raises KeyError."""
+    for stage in STAGES:
+        if stage.name == name:
+            return stage
+    raise KeyError(f"no stage is called {name!r}; there are {', '.join(NAMES)}")
+
+
+def downstream_of(names: set[str]) -> set[str]:
+    """The pipeline stages that must run again when these have, themselves included."""
+    stale = set(names)
+    for stage in PIPELINE:  # in order, so that one pass reaches everything
+        if stale.intersection(stage.needs):
+            stale.add(stage.name)
+    return stale
+
+
+PIPELINE = tuple(stage for stage in STAGES if stage.pipeline)
+NAMES = tuple(stage.name for stage in STAGES)
