@@ -6,15 +6,15 @@ import roma
 import torch
 from torch import Tensor
 
-from stages.kinematics.plain_interpolation import interpolate_pose
+from stages.kinematics.plain_interpolation import damped_smoothness, interpolate_pose
 
 _APART = 100_000.0  # frames between windows on the joined timeline: no tangent reaches across
 
 
 def interpolate_windows(
-    heads: Tensor, rotations: Tensor, parents: Tensor, known: Tensor, *, smooth: float = 0.0
+    heads: Tensor, rotations: Tensor, parents: Tensor, known: Tensor, *, rate_hz: float
 ) -> tuple[Tensor, Tensor]:
-    """What `interpolate_pose` makes of each window's known frames, by its own hierarchy.
+    """What the damped `interpolate_pose` makes of each window's known frames, by its own hierarchy.
 
     The windows are laid on one long timeline, so that one call serves them all; a window that ends (or begins)
     without a key holds its last (first) one.
@@ -23,7 +23,7 @@ def interpolate_windows(
         heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
         parents: (B, J), -1 for roots and unused bones, parents before children.
         known: (B, T), at least one True in every row; other frames are not read.
-        smooth: as in `interpolate_pose`.
+        rate_hz: frames in a second; long gaps leave slerp less (`damped_smoothness`).
 
     Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
     """
@@ -44,6 +44,7 @@ def interpolate_windows(
 
     times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
     key_times = times[window, frame]
+    smooth = damped_smoothness(key_times, rate_hz)
     local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
     local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
 

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.window_interpolation import interpolate_windows
 from stages.networks.device import precision
 from stages.networks.frame_encoder import FrameEncoder
@@ -78,8 +79,7 @@ class SynthesiserTask:
         points = clouds_of(windows.heads, windows.rotations, cloud, centre)
         base = None
         if config.synthesiser.base == "skeleton":
-            smooth = config.synthesiser.base_smooth
-            plain = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, smooth=smooth)
+            plain = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=MODEL_FPS)
             base = clouds_of(*plain, cloud, centre)
         return FillBatch(points, base, cloud.groups, known, windows.valid)
 
