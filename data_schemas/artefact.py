@@ -102,7 +102,7 @@ def write_artefact(
         PumpsError: another process is writing `path`, or it cannot be written.
     """
     path = Path(path)
-    schema_version = KINDS[kind].schema_version
+    schema_version, plain_config = KINDS[kind].schema_version, plain_data(config)
     references, inherited = _describe_inputs(path, inputs)
     _make_folder(path)
     with write_lock(path):
@@ -119,7 +119,7 @@ def write_artefact(
                 schema_version=schema_version,
                 created_by=f"pumps {PUMPS_VERSION}",
                 stage=stage,
-                config=plain_data(config.model_dump() if isinstance(config, BaseModel) else config),
+                config=plain_config,
                 inputs=references,
                 data=_settle(draft.folder, digest, files),
                 files=files,

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Literal
 
 from data_schemas.errors import InputError
-from data_schemas.manifest import MANIFEST_NAME, Artefact, digest_of, open_artefact, sha256_of_file
-from data_schemas.sources import digest_of_source
+from data_schemas.manifest import Artefact, InputRef, digest_of, open_artefact, sha256_of_file
 
-State = Literal["same", "changed", "missing", "damaged", "cyclic"]
+State = Literal["same", "changed", "missing", "damaged", "cyclic", "unchecked"]
 
-_DEPTH_LIMIT = 32  # no pipeline is so deep; a made-up manifest could be
+_DEPTH_LIMIT = 32  # no pipeline is so deep or so wide; a made-up manifest could be
+_NODE_LIMIT = 2000
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class LineageNode:
     kind:   kind of artefact, "file" or "folder".
     stage:  the stage that wrote it; "" for sources and for what could not be read.
     digest: its digest as its user recorded it; for the tree's root, its own.
-    state:  "same" as its user read it, "changed" since, "missing", "damaged", or "cyclic" (a made-up manifest).
+    state:  "same" as its user read it, "changed" since, "missing", "damaged", "cyclic" (a made-up manifest),
+            or "unchecked" (a folder of sources, which is not read again; or a tree too large to follow).
     created_by, licences: as in its manifest.
     inputs: what it was made from.
     """
@@ -77,48 +78,55 @@ def lineage(path: str | os.PathLike[str]) -> LineageNode:
         InputError: `path` itself cannot be opened.
     """
     artefact = open_artefact(path)
-    return _node(artefact, artefact.manifest.digest, (), {})
+    return _Walk().node(artefact, artefact.manifest.digest, ())
 
 
-def _node(
-    artefact: Artefact, recorded: str, above: tuple[Path, ...], sources: dict[Path, tuple[str, str]]
-) -> LineageNode:
-    manifest = artefact.manifest
-    here = artefact.path.resolve()
-    inputs = tuple(
-        _input_node(
-            Path(os.path.normpath(here / reference.path)), reference.kind, reference.digest, (*above, here), sources
+class _Walk:
+    """One walk up the inputs. Manifests may be made up, so it is bounded, and a source file is read once."""
+
+    def __init__(self) -> None:
+        self._source_digests: dict[Path, str] = {}
+        self._nodes = 0
+
+    def node(self, artefact: Artefact, recorded: str, above: tuple[Path, ...]) -> LineageNode:
+        manifest = artefact.manifest
+        here = artefact.path.resolve()
+        return LineageNode(
+            path=artefact.path,
+            kind=manifest.kind,
+            stage=manifest.stage,
+            digest=recorded,
+            state="same" if manifest.digest == recorded else "changed",
+            created_by=manifest.created_by,
+            licences=tuple(manifest.licences),
+            inputs=tuple(self._input(here, reference, (*above, here)) for reference in manifest.inputs),
         )
-        for reference in manifest.inputs
-    )
-    state: State = "same" if manifest.digest == recorded else "changed"
-    return LineageNode(
-        artefact.path,
-        manifest.kind,
-        manifest.stage,
-        recorded,
-        state,
-        manifest.created_by,
-        tuple(manifest.licences),
-        inputs,
-    )
 
+    def _input(self, base: Path, reference: InputRef, above: tuple[Path, ...]) -> LineageNode:
+        path = Path(os.path.normpath(base / reference.path))
+        self._nodes += 1
+        try:
+            if self._nodes > _NODE_LIMIT or len(above) >= _DEPTH_LIMIT:
+                state: State = "unchecked"
+            elif path.resolve() in above:
+                state = "cyclic"
+            elif reference.kind == "file":
+                state = self._state_of_file(path, reference.digest)
+            elif reference.kind == "folder":
+                state = "unchecked" if path.is_dir() else "missing"
+            elif not path.exists():
+                state = "missing"
+            else:
+                return self.node(open_artefact(path), reference.digest, above)
+        except InputError:
+            state = "damaged"
+        except (OSError, ValueError):  # no path that this system could have
+            state = "missing"
+        return LineageNode(path, reference.kind, "", reference.digest, state)
 
-def _input_node(
-    path: Path, kind: str, recorded: str, above: tuple[Path, ...], sources: dict[Path, tuple[str, str]]
-) -> LineageNode:
-    def leaf(state: State) -> LineageNode:
-        return LineageNode(path, kind, "", recorded, state)
-
-    if path.resolve() in above or len(above) >= _DEPTH_LIMIT:
-        return leaf("cyclic")
-    try:
-        if kind in ("file", "folder"):
-            if path not in sources:
-                sources[path] = digest_of_source(path)
-            return leaf("same" if sources[path] == (kind, recorded) else "changed")
-        if not (path / MANIFEST_NAME).exists():
-            return leaf("missing")
-        return _node(open_artefact(path), recorded, above, sources)
-    except InputError:
-        return leaf("damaged" if path.exists() else "missing")
+    def _state_of_file(self, path: Path, recorded: str) -> State:
+        if not path.is_file():
+            return "missing"
+        if path not in self._source_digests:
+            self._source_digests[path] = sha256_of_file(path)
+        return "same" if self._source_digests[path] == recorded else "changed"

@@ -25,6 +25,7 @@ from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Motion, Skeleton
 
 __all__ = ["ClipRow", "MotionReader", "MotionWriter", "read_clips", "skeleton_id", "write_clips"]
 
+UP_AXES = ("x", "y", "z")
 _LENGTH_DECIMALS = 5  # hundredths of a millimetre: what a text file's digits add is no other skeleton
 
 
@@ -215,6 +216,8 @@ def fault_of_skeleton(skeleton: Skeleton) -> str | None:
         return f"has the pelvis {skeleton.root}, which is none of its {joints} joints"
     if not (np.isfinite(skeleton.unit_m) and skeleton.unit_m > 0):
         return f"has a unit of {skeleton.unit_m} metres"
+    if skeleton.up_axis not in UP_AXES:
+        return f"has the up axis {skeleton.up_axis!r}, and there are {', '.join(UP_AXES)}"
     return None
 
 
