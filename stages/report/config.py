@@ -12,8 +12,16 @@ from stages.config import StageConfig
 class Config(StageConfig):
     """One HTML page that opens offline: results, loss curves, motions side by side in 3D."""
 
-    metrics: Path = Field(description="The metrics artefact.")
+    metrics: Path | None = Field(None, description="The metrics artefact.")
     checkpoints: tuple[Path, ...] = Field((), description="Checkpoint artefacts whose logs are drawn.")
-    motions: tuple[str, ...] = Field((), description="NAME=PATH of BVH files or motion artefacts to play side by side.")
+    motions: tuple[str, ...] = Field(
+        (),
+        description="NAME=PATH of BVH files or motion artefacts to play side by side, the truth first; "
+        "SCENE/NAME=PATH for several scenes.",
+    )
     keyframes: str = Field("every:15", description="Which frames of the motions were known.")
+    slerp: bool = Field(True, description="Also play slerp between the keyframes of a scene's first motion.")
+    max_clips: int = Field(8, description="Clips to take from motion artefacts.", ge=1)
+    max_seconds: float = Field(40, description="Longer motions are played up to here.", gt=0)
+    title: str = Field("Motion, filled in", description="The page's heading.")
     output: Path = Field(description="The HTML file to write.")

@@ -1,0 +1,114 @@
+"""`pumps report`: one HTML page with a 3D player, the tables and the loss curves. Opens offline, loads nothing."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import tempfile
+from pathlib import Path
+from string import Template
+
+from data_schemas.artefact import open_artefact
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import PumpsError, UsageError
+from data_schemas.manifest import Artefact
+from data_schemas.metrics import read_metrics
+from stages.config import StageReport
+from stages.progress import SILENT, Progress
+from stages.report.config import Config
+from stages.report.curves import curves_html
+from stages.report.markdown import markdown_html
+from stages.report.scenes import scenes_of
+
+ASSETS = Path(__file__).resolve().parent / "assets"
+SUBTITLE = "pumps: motion between keyframes, on its own skeleton"
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Write the page.
+
+    Raises:
+        UsageError: there is nothing to show, or a motion is not NAME=PATH.
+        InputError: an artefact or a motion is missing or bad.
+        PumpsError: the page cannot be written.
+    """
+    if config.metrics is None and not config.checkpoints and not config.motions:
+        raise UsageError("There is nothing to report.", "Give --metrics, --checkpoints or --motions.")
+    progress.start("Writing the page", 3)
+    scenes = scenes_of(config)
+    progress.advance(1, "motions")
+    metrics = open_artefact(config.metrics, "metrics") if config.metrics else None
+    checkpoints = [open_artefact(path, "checkpoint") for path in config.checkpoints]
+    page = _asset("page.html").substitute(
+        title=html.escape(config.title),
+        subtitle=html.escape(SUBTITLE),
+        css=_text("page.css"),
+        script=_text("view3d.js") + _text("player.js"),
+        player=_text("player.html") if scenes else "",
+        scenes=_safe_json(scenes),
+        results=markdown_html(read_metrics(metrics)[1]) if metrics else "<p>No metrics were given.</p>",
+        training="".join(_training(checkpoint) for checkpoint in checkpoints),
+        origin=_origin([artefact for artefact in (metrics, *checkpoints) if artefact]),
+    )
+    progress.advance(1, "page")
+    _write(config.output, page)
+    size_kb = len(page.encode()) // 1024
+    return StageReport(
+        output=config.output,
+        lines=[f"Report: {config.output} ({size_kb} kB, {len(scenes)} scene{'s' if len(scenes) != 1 else ''})."],
+        figures={"scenes": len(scenes), "bytes": len(page.encode())},
+    )
+
+
+def _training(artefact: Artefact) -> str:
+    log = read_checkpoint(artefact, optimiser=False).log
+    name = html.escape(artefact.path.name)
+    steps = max((int(row.get("step", 0)) for row in log), default=0)
+    minutes = max((float(row.get("seconds", 0)) for row in log), default=0.0) / 60
+    told = f"{steps:,} steps, {minutes:.1f} minutes. Thin: training; thick: validation."
+    return f"<section><h2>Training: {name}</h2><p>{told}</p>{curves_html(log)}</section>"
+
+
+def _origin(artefacts: list[Artefact]) -> str:
+    licences = sorted({licence for artefact in artefacts for licence in artefact.manifest.licences})
+    rows = []
+    for artefact in artefacts:
+        manifest = artefact.manifest
+        rows.append(
+            f"<dt>{html.escape(artefact.path.name)}</dt><dd>{html.escape(manifest.kind)} artefact "
+            f"<code>{manifest.digest[:16]}</code>, written by {html.escape(manifest.created_by)} "
+            f"({html.escape(manifest.stage)})</dd>"
+        )
+    rows += [f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>" for licence in licences]
+    return f"<dl>{''.join(rows)}</dl>" if rows else "<p>Only motions were given.</p>"
+
+
+def _safe_json(value: object) -> str:
+    """JSON that no file name can break out of: no `<` ends the script element."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _asset(name: str) -> Template:
+    return Template(_text(name))
+
+
+def _text(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+def _write(path: Path, page: str) -> None:
+    """The page appears whole or not at all."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(page)
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise PumpsError(f"{path} cannot be written: {error.strerror}.", "Give another --output.") from None
