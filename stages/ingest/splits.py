@@ -1,0 +1,86 @@
+"""Which clips are for training, which for validation, which for tests: always whole clips, never windows of one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from data_schemas.errors import InputError
+from stages.formats.sources import Source
+
+SPLITS_NAME = "splits.json"
+_TEST_SHARE, _VAL_SHARE = 10, 20  # one in so many, where no file says
+
+
+def assign_splits(sources: Sequence[Source], given: Path | None) -> tuple[dict[str, str], list[str]]:
+    """Split of every source, by source name, and notes for the user.
+
+    The file is the one given, else a `splits.json` beside the archives or in the folder of the recordings:
+    {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training. A data set that no
+    file names is split by a hash of its members' names, so that a clip's split never depends on the others' order.
+
+    Raises: InputError where a splits file is damaged.
+    """
+    splits: dict[str, str] = {}
+    notes: list[str] = []
+    by_set: dict[str, list[Source]] = {}
+    for source in sources:
+        by_set.setdefault(source.data_set, []).append(source)
+    for data_set, members in by_set.items():
+        path = given or _beside(members[0])
+        named = _read_splits(path).get(data_set) if path else None
+        if named is None:
+            splits |= _by_hash(members)
+            if len(by_set) and len(members) >= 3:
+                notes.append(f"{data_set} is named in no splits file: every {_TEST_SHARE}th clip is for tests.")
+            continue
+        found, missing = _by_file(members, named)
+        splits |= found
+        if missing:
+            notes.append(f"{path} names {len(missing)} clips of {data_set} that are not there, first '{missing[0]}'.")
+    return splits, notes
+
+
+def _beside(source: Source) -> Path | None:
+    folder = Path(source.archive or source.name).parent
+    path = folder / SPLITS_NAME
+    return path if path.is_file() else None
+
+
+def _read_splits(path: Path) -> dict[str, dict[str, list[str]]]:
+    try:
+        raw = json.loads(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.", "Check --splits.") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} is no JSON.", "Check --splits.") from None
+    hint = 'It holds {"archive.zip": {"test": [...], "val": [...]}}.'
+    if not isinstance(raw, dict):
+        raise InputError(f"{path} is no splits file.", hint)
+    for data_set, named in raw.items():
+        lists = [named.get(split, []) for split in ("test", "val")] if isinstance(named, dict) else [None]
+        if not all(isinstance(names, list) and all(isinstance(name, str) for name in names) for names in lists):
+            raise InputError(f"{path}: the splits of '{data_set}' are no lists of names.", hint)
+    return raw
+
+
+def _by_file(members: Sequence[Source], named: dict[str, list[str]]) -> tuple[dict[str, str], list[str]]:
+    wanted = {name: split for split in ("val", "test") for name in named.get(split, [])}
+    splits = {}
+    used = set()
+    for source in members:
+        split = wanted.get(source.member)
+        splits[source.name] = split or "train"
+        if split:
+            used.add(source.member)
+    return splits, sorted(set(wanted) - used)
+
+
+def _by_hash(members: Sequence[Source]) -> dict[str, str]:
+    ordered = sorted(members, key=lambda source: hashlib.sha256(source.member.encode()).hexdigest())
+    tests = max(1, len(ordered) // _TEST_SHARE) if len(ordered) >= 3 else 0
+    vals = max(1, len(ordered) // _VAL_SHARE) if len(ordered) >= 3 else 0
+    names = ["test"] * tests + ["val"] * vals + ["train"] * len(ordered)
+    return {source.name: split for source, split in zip(ordered, names, strict=False)}
