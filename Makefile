@@ -14,7 +14,7 @@ RUNS   ?= runs
 RUN    ?= mine
 PRESET ?= tiny
 DATA   ?=
-SETTINGS ?= $(SET)
+SET    ?=
 COMPARE  ?=
 
 # The splits beside the data, where there are some.
@@ -68,7 +68,7 @@ fill: configure
 configure:
 	@$(PUMPS) config write --preset $(PRESET) --run $(R) $(foreach each,$(DATA),--source '$(each)') \
 	  $(if $(SPLITS),--set 'ingest.splits=$(SPLITS)') $(foreach each,$(FPS_OVERRIDE),--set 'ingest.fps_override=$(each)') \
-	  $(foreach each,$(SETTINGS),--set '$(each)')
+	  $(foreach each,$(SET),--set '$(each)')
 
 # ---- the stages ------------------------------------------------------------------------------------------------
 

@@ -60,11 +60,12 @@ def _argument(name: str, field: FieldInfo) -> Parameter:
 
 def _flag(path: tuple[str, ...], field: FieldInfo) -> Parameter:
     several, inner = _shape(field.annotation)
+    *tables, name = path
     flag = "--" + ".".join(path).replace("_", "-")
-    panel = f"Settings of the {path[0]}" if len(path) > 1 else None
+    panel = f"Settings of the {tables[0]}" if tables else None
     help_text = _escaped(_help_text(field, several))
     if inner is bool:
-        off = "--" + ".".join((*path[:-1], f"no-{path[-1]}")).replace("_", "-")
+        off = "--" + ".".join((*tables, f"no-{name}")).replace("_", "-")
         detail = typer.Option(f"{flag}/{off}", help=help_text, metavar="", show_default=False, rich_help_panel=panel)
         annotation: Any = Annotated[bool | None, detail]
     else:

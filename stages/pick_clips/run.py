@@ -11,7 +11,7 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from stages.config import StageReport
-from stages.formats.sources import find_sources
+from stages.formats.sources import source_named
 from stages.pick_clips.config import Config
 from stages.progress import SILENT, Progress
 
@@ -33,13 +33,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             f"{config.motion} has no clip in the split {' or '.join(config.splits)}.",
             "Name some in the file given to `pumps ingest --splits`.",
         )
-    sources = {source.name: source for source in find_sources(artefact.manifest.config["sources"])}
     config.output.mkdir(parents=True, exist_ok=True)
     progress.start("Copying clips", len(picked))
     for row in picked:
-        if row.source not in sources:
-            raise InputError(f"The source {row.source} of {config.motion} is gone.", "Run `pumps ingest` again.")
-        _replace(config.output / f"{row.clip}.bvh", sources[row.source].read())
+        _replace(config.output / f"{row.clip}.bvh", source_named(row.source).read())
         progress.advance(1, row.clip)
     for stale in set(config.output.glob("*.bvh")) - {config.output / f"{row.clip}.bvh" for row in picked}:
         stale.unlink()

@@ -87,7 +87,7 @@ def _merge(
             for key in path[:-1]:
                 inner = table.get(key)
                 table[key] = table = inner if isinstance(inner, dict) else {}
-            if isinstance(value, str) and _is_tuple(config_type, *path):
+            if isinstance(value, (str, int, float)) and _is_tuple(config_type, *path):
                 value = (value,)
             table[path[-1]] = value
             origins[path] = layer.origin

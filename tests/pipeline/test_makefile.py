@@ -1,0 +1,122 @@
+"""The makefile as a DAG: a change reruns what depends on it and nothing else; a failed run goes on where it was."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from stages.registry import PIPELINE, downstream_of
+
+ROOT = Path(__file__).resolve().parents[2]
+ALL = {stage.name for stage in PIPELINE}
+FIELDS = {
+    "ingest": "strict=true", "sample-tpc": "points=99", "train-ae": "encoder.width=8", "encode": "half=false",
+    "train-lms": "steps=9", "pick-clips": "count=2", "infill": "keyframes=every:7", "decode": "points=64",
+    "evaluate": "window=61", "report": "keyframes=every:3",
+}  # fmt: skip
+
+
+class Run:
+    """`make fill` in a folder of its own, on a data folder of its own, with stages that only leave targets."""
+
+    def __init__(self, folder: Path):
+        self.data = folder / "data"
+        self.data.mkdir()
+        for name in ("a", "b"):
+            (self.data / f"{name}.bvh").write_text(f"HIERARCHY {name}")
+        (self.data / "splits.json").write_text("{}")
+        self.runs = folder / "runs"
+        self.log = folder / "log"
+
+    def make(self, *settings: str, fail: str = "", flags: Sequence[str] = (), code: int = 0) -> list[str]:
+        """Run it and give the stages that ran, in order."""
+        self.log.write_text("")
+        fake = f"{sys.executable} {Path(__file__).parent / 'fake_pumps.py'}"
+        command = [
+            "make", "fill", *flags,
+            f"PUMPS={fake}", f"RUNS={self.runs}", "RUN=it", f"DATA={self.data}", "PRESET=tiny",
+            f"SET={' '.join(settings)}",
+        ]  # fmt: skip
+        kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
+        done = subprocess.run(
+            command, cwd=ROOT, env={**kept, "LOG": str(self.log), "FAIL": fail}, capture_output=True, text=True
+        )
+        assert done.returncode == code, done.stdout + done.stderr
+        return self.log.read_text().split()
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    return Run(tmp_path)
+
+
+def in_order(ran: Sequence[str]) -> bool:
+    """Whether every stage ran after all that it needs (among those that ran)."""
+    return all(
+        ran.index(need) < ran.index(stage.name)
+        for stage in PIPELINE
+        if stage.name in ran
+        for need in stage.needs
+        if need in ran
+    )
+
+
+def test_the_whole_dag_runs_once_in_order_and_then_no_more(run: Run):
+    ran = run.make()
+    assert set(ran) == ALL and in_order(ran)
+    assert sorted(ran) == sorted([*ALL, "infill"]), "infill once for each of two clips, all else once"
+    assert run.make() == []
+
+
+def test_a_setting_reruns_exactly_what_depends_on_it(run: Run):
+    assert set(FIELDS) == ALL
+    run.make()
+    settings: list[str] = []
+    for stage, field in FIELDS.items():
+        settings.append(f"{stage}.{field}")
+        assert set(run.make(*settings)) == downstream_of({stage}), stage
+    assert run.make(*settings) == []
+
+
+def test_a_source_that_changes_comes_or_goes_reruns_all(run: Run):
+    run.make()
+    (run.data / "a.bvh").write_text("HIERARCHY another")
+    assert set(run.make()) == ALL
+    (run.data / "c.bvh").write_text("HIERARCHY c")
+    assert set(run.make()) == ALL
+    (run.data / "c.bvh").unlink()
+    assert set(run.make()) == ALL
+    (run.data / "splits.json").write_text('{"data": {}}')
+    assert set(run.make()) == ALL
+    assert run.make() == []
+
+
+def test_a_source_that_is_only_touched_reruns_nothing(run: Run):
+    run.make()
+    os.utime(run.data / "a.bvh")
+    assert run.make() == []
+
+
+@pytest.mark.parametrize("stage", ["sample-tpc", "train-lms", "infill", "evaluate"])
+def test_a_run_that_failed_goes_on_where_it_was(run: Run, stage: str):
+    first = run.make(fail=stage, code=2)
+    rest = run.make()
+    assert stage in rest
+    assert not (set(first) - {stage}) & set(rest), "what was finished is not done again"
+    assert run.make() == []
+
+
+def test_jobs_at_once_keep_the_order(run: Run):
+    ran = run.make(flags=["-j4"])
+    assert set(ran) == ALL and in_order(ran)
+    assert run.make(flags=["-j4"]) == []
+
+
+def test_a_missing_source_is_told_before_anything_runs(run: Run):
+    run.data = run.data / "nowhere"
+    assert run.make(code=2) == []

@@ -1,0 +1,80 @@
+"""Which way imports run, and what must not be loaded for help."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stages.registry import STAGES
+
+ROOT = Path(__file__).resolve().parent.parent
+HOUSE = ("data_schemas", "stages", "pumps_cli")  # from the ground up: a package imports only what stands before it
+BANNED = {"data_schemas": {"torch", "roma", "typer", "rich", "click"}, "stages": {"typer", "rich", "click"}}
+
+
+def imported_names(path: Path) -> set[str]:
+    """Full names of what a module imports, anywhere in it."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno} imports relatively"
+            names.add(node.module or "")
+    return names
+
+
+@pytest.mark.parametrize("package", HOUSE)
+def test_imports_run_one_way(package: str):
+    above = set(HOUSE[HOUSE.index(package) + 1 :]) | BANNED.get(package, set())
+    for path in sorted((ROOT / package).rglob("*.py")):
+        wrong = {name for name in imported_names(path) if name.split(".")[0] in above | {"tests"}}
+        assert not wrong, f"{path.relative_to(ROOT)} imports {', '.join(sorted(wrong))}"
+
+
+def test_stage_packages_do_not_import_each_other():
+    packages = {stage.package for stage in STAGES}
+    for package in packages:
+        for path in (ROOT / package.replace(".", "/")).glob("*.py"):
+            others = {name for name in imported_names(path) if ".".join(name.split(".")[:2]) in packages - {package}}
+            assert not others, f"{path.relative_to(ROOT)} imports {', '.join(sorted(others))}"
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules that a fresh interpreter has loaded after running `code`."""
+    shown = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print('\\nLOADED', *sys.modules)"],
+        capture_output=True, text=True, cwd=ROOT, check=True,
+    ).stdout  # fmt: skip
+    return {name.split(".")[0] for name in shown.rpartition("LOADED")[2].split()}
+
+
+def test_help_loads_no_heavy_library():
+    code = "from pumps_cli.app import main\ntry: main(['--help'])\nexcept SystemExit: pass"
+    heavy = {"torch", "numpy", "scipy", "h5py", "pyarrow", "pydantic"}
+    assert not loaded_by(code) & heavy
+
+
+def test_help_of_every_command_loads_no_torch():
+    words = [list(stage.command) for stage in STAGES] + [["artefact"], ["config"], ["results"], ["stages"]]
+    code = (
+        "from pumps_cli.app import main\n"
+        f"for words in {words!r}:\n"
+        "    try: main([*words, '--help'])\n"
+        "    except SystemExit as leaving: assert not leaving.code, words"
+    )
+    assert not loaded_by(code) & {"torch", "h5py", "pyarrow", "scipy"}
+
+
+def test_no_module_of_the_house_is_too_long():
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for package in HOUSE
+        for path in (ROOT / package).rglob("*.py")
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
+    }
+    assert not long
