@@ -1,0 +1,154 @@
+"""`pumps artefact`: what an artefact is, whether it is as it was written, and what it was made from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pumps_cli.outcome import Manner, show, told
+from pumps_cli.stage_command import AsJson, Debug, Quiet
+
+if TYPE_CHECKING:
+    from data_schemas.artefact import Artefact, LineageNode
+
+BAD_INPUT = 3
+_WIDEST_VALUE = 200
+
+app = typer.Typer(no_args_is_help=True, epilog="Example: pumps artefact show runs/demo/ingest")
+
+ArtefactPath = Annotated[Path, typer.Argument(help="Folder of the artefact.", show_default=False)]
+
+
+@app.callback()
+def _group() -> None:
+    """Show an artefact, check its digests, draw what it came from."""
+
+
+@app.command("show", epilog="Example: pumps artefact show runs/demo/ingest")
+def show_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
+    """Print what an artefact is: kind, stage, config, inputs, licences, files and summary."""
+    from data_schemas.artefact import open_artefact
+
+    manner = Manner(quiet=quiet, json=as_json, debug=debug)
+    with told(manner, "pumps artefact show"):
+        artefact = open_artefact(path)
+        show(manner, lambda: list(_description(artefact)), artefact.manifest.model_dump)
+
+
+@app.command("verify", epilog="Example: pumps artefact verify runs/demo/ingest")
+def verify_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
+    """Compare every file with the digest in the manifest; exit code 3 if any has changed."""
+    from data_schemas.artefact import open_artefact, verify
+
+    manner = Manner(quiet=quiet, json=as_json, debug=debug)
+    with told(manner, "pumps artefact verify"):
+        problems = verify(path)
+        files = len(open_artefact(path).manifest.files)
+        verdict = problems or [f"{files} files are as they were written."]
+        lines = [_plain(f"{path}: {sentence}") for sentence in verdict]
+        show(manner, lambda: lines, lambda: {"path": str(path), "problems": problems})
+        if problems:
+            raise typer.Exit(BAD_INPUT)
+
+
+@app.command("lineage", epilog="Example: pumps artefact lineage runs/demo/evaluate")
+def draw_lineage(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
+    """Draw what an artefact was made from, and say which inputs have changed since or are gone."""
+    from data_schemas.artefact import lineage
+
+    manner = Manner(quiet=quiet, json=as_json, debug=debug)
+    with told(manner, "pumps artefact lineage"):
+        tree = lineage(path)
+        show(manner, lambda: list(_drawing(tree)), lambda: _as_data(tree))
+
+
+def _description(artefact: Artefact) -> Iterator[str]:
+    from data_schemas.kinds import KINDS
+
+    manifest = artefact.manifest
+    yield _plain(f"{artefact.path}: {manifest.kind}, version {manifest.schema_version} ({KINDS[manifest.kind].what})")
+    yield _plain(f"  made by   {manifest.stage} ({manifest.created_by})")
+    yield _plain(f"  digest    {manifest.digest}")
+    for title, items in (
+        ("licences", manifest.licences),
+        ("inputs", [f"{item.path} ({item.kind} {item.digest[:12]})" for item in manifest.inputs]),
+        ("files", [f"{manifest.data}/{n} ({_size((artefact.folder / n).stat().st_size)})" for n in manifest.files]),
+        ("summary", [f"{name} = {_short(value)}" for name, value in manifest.summary.items()]),
+        ("config", [f"{name} = {_short(value)}" for name, value in manifest.config.items()]),
+    ):
+        yield f"  {title}" if items else f"  {title:<9} none"
+        for item in items:
+            yield _plain(f"    {item}")
+
+
+def _drawing(node: LineageNode) -> Iterator[str]:
+    """The tree in lines; what several stages read is followed once."""
+    followed: set[tuple[Path, str]] = set()
+
+    def lines(node: LineageNode, first: str, rest: str) -> Iterator[str]:
+        key = (node.path.resolve() if node.state != "missing" else node.path, node.digest)
+        known = bool(node.inputs) and key in followed
+        followed.add(key)
+        yield _plain(first + _node_text(node) + (" (see above)" if known else ""))
+        inputs = () if known else node.inputs
+        for index, item in enumerate(inputs):
+            last = index == len(inputs) - 1
+            yield from lines(item, rest + ("└─ " if last else "├─ "), rest + ("   " if last else "│  "))
+
+    return lines(node, "", "")
+
+
+def _node_text(node: LineageNode) -> str:
+    state = {
+        "same": "",
+        "changed": ": CHANGED since it was read",
+        "missing": ": MISSING",
+        "damaged": ": DAMAGED",
+        "cyclic": ": its own input, which cannot be",
+        "unchecked": ": not checked",
+    }[node.state]
+    stage = f" by {node.stage}" if node.stage else ""
+    return f"{_near(node.path)}  {node.kind}{stage} {node.digest[:12]}{state}"
+
+
+def _near(path: Path) -> str:
+    """The path as seen from the current folder, if it lies below it."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
+
+
+def _as_data(node: LineageNode) -> dict[str, Any]:
+    return {
+        "path": str(node.path),
+        "kind": node.kind,
+        "stage": node.stage,
+        "digest": node.digest,
+        "state": node.state,
+        "created_by": node.created_by,
+        "licences": list(node.licences),
+        "inputs": [_as_data(item) for item in node.inputs],
+    }
+
+
+def _short(value: object) -> str:
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= _WIDEST_VALUE else f"{text[:_WIDEST_VALUE]}... (--json shows all)"
+
+
+def _plain(text: str) -> str:
+    """`text` without the control characters that a made-up manifest could send to the terminal."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _size(size: float) -> str:
+    for unit in ("bytes", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
+        size /= 1000
+    return f"{size:.1f} GB"
