@@ -27,7 +27,7 @@ def read_frames(
     """Read the window of the array `name`; `shape` is that of one frame, None where any size will do.
 
     Raises:
-        ValueError: the stored array has another shape than the index and the skeleton say.
+        ValueError: the stored array has another shape than the index and the skeleton say, or is not finite.
     """
     stored = _dataset_in(group, name)
     expected = (frames, *shape)
@@ -37,7 +37,10 @@ def read_frames(
         raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {expected}")
     if stored.dtype.kind not in "fiu" or stored.dtype.itemsize > 8:
         raise ValueError(f"{group.name}/{name} holds {stored.dtype}, no plain numbers")
-    return np.asarray(stored[window])
+    values = np.asarray(stored[window])
+    if not np.isfinite(values).all():
+        raise ValueError(f"{group.name}/{name} has values that are not finite")
+    return values
 
 
 def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None, ...]) -> np.ndarray:

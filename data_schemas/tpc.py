@@ -220,16 +220,19 @@ def place_points(bones: BoneSet, heads: np.ndarray, rotations: np.ndarray, sigma
         (T, P, 3) float32 metres.
     """
     frames, count = heads.shape[:2]
-    on = bones.point_bones
-    local = bones.point_alphas[:, None] * bones.tails[on] + sigma_m * bones.point_offsets
-    matrices = (
-        Rotation.from_quat(rotations.reshape(-1, 4)).as_matrix().reshape(frames, count, 3, 3).astype(np.float32)
+    points = len(bones.point_bones)
+    frame_of_bone = np.empty((frames, 3, count, 4), np.float32)
+    frame_of_bone[..., :3] = (
+        Rotation.from_quat(rotations.reshape(-1, 4)).as_matrix().reshape(frames, count, 3, 3).swapaxes(1, 2)
     )
-    points = np.empty((frames, len(on), 3), np.float32)
-    for bone in np.unique(on):  # one product for each bone is far cheaper than a matrix for every point
-        mine = on == bone
-        points[:, mine] = heads[:, bone, None] + local[mine].astype(np.float32) @ matrices[:, bone].swapaxes(-1, -2)
-    return points
+    frame_of_bone[..., 3] = heads.swapaxes(1, 2)
+    # Each point's place in its own bone's frame, zero in all others: then one matrix product places them all.
+    local = np.zeros((count, 4, points), np.float32)
+    on, each = bones.point_bones, np.arange(points)
+    local[on, :3, each] = bones.point_alphas[:, None] * bones.tails[on] + sigma_m * bones.point_offsets
+    local[on, 3, each] = 1
+    placed = frame_of_bone.reshape(frames * 3, count * 4) @ local.reshape(count * 4, points)
+    return np.ascontiguousarray(placed.reshape(frames, 3, points).swapaxes(1, 2))
 
 
 def _check_frames(row: ClipRow, name: str, values: np.ndarray, shape: tuple[int, ...]) -> None:

@@ -12,10 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from data_schemas.artefact import Artefact
+from data_schemas.artefact import Artefact, open_artefact, write_artefact
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
-from tests.data_schemas.examples import write_motion
+from data_schemas.tpc import TpcReader, TpcWriter
+from tests.data_schemas.examples import a_row, some_bones, write_motion
 
 
 def _read_all(artefact: Artefact) -> None:
@@ -166,3 +167,17 @@ def test_index_that_lacks_columns_or_repeats_clips(tmp_path):
     pq.write_table(table.drop_columns(["fps", "split"]), file)
     with pytest.raises(InputError, match="lacks the columns fps, split"):
         _read_all(artefact)
+
+
+@pytest.mark.parametrize("name", ["heads", "rotations"])
+def test_clouds_of_made_up_bones(tmp_path, name):
+    with write_artefact(tmp_path / "t", "tpc", stage="s", config={}) as draft, TpcWriter(draft.folder) as writer:
+        row = a_row(skeleton=writer.add_bones(some_bones()))
+        writer.add_rigid(row, np.zeros((10, 2, 3)), np.tile([0, 0, 0, 1], (10, 2, 1)))
+    artefact = open_artefact(tmp_path / "t")
+    with h5py.File(artefact.file("clouds.h5"), "a") as file:
+        stored = file[f"clips/walk/{name}"]
+        assert isinstance(stored, h5py.Dataset)
+        stored[3] = np.nan if name == "heads" else 0
+    with TpcReader(artefact) as reader, pytest.raises(InputError, match=r"clouds\.h5 is damaged"):
+        reader.points("walk")
