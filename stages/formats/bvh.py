@@ -34,7 +34,7 @@ class BvhFile:
     motion_head:     text of the MOTION, Frames and Frame Time lines, as found, up to the first row.
     joints:          as the header lists them; channels of joint j are columns `first_channel` and on.
     frame_time:      seconds, as written. declared_frames: as written.
-    values:          (T, C) float64 in the file's unit and degrees; NaN where a row was unreadable (only if asked for).
+    values:          (T, C) float64 in the file's unit and degrees; NaN in unreadable rows (if they were to be kept).
     rows:            T verbatim lines without their newline.
     newline:         "\\n", "\\r\\n" or "\\r". encoding: of header and motion_head.
     warnings:        what was odd and was mended, one sentence each.
@@ -200,7 +200,7 @@ def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]
         for i, row in enumerate(rows):
             try:
                 values[i] = parse(row, dtype=np.float64, count=-1, sep=" ").reshape(columns)
-            except (ValueError, DeprecationWarning):
+            except (ValueError, DeprecationWarning):  # noqa: PERF203
                 values[i] = np.nan
                 bad.append(i)
     return values, bad
@@ -219,13 +219,19 @@ def _unwrap_rows(body: bytes, columns: int) -> tuple[list[bytes], np.ndarray] | 
 def _row_error(row: bytes, columns: int, place: _Place, line: int) -> InputError:
     words = row.split()
     for column, word in enumerate(words[:columns]):
-        try:
-            float(word)
-        except ValueError:
+        if not _is_number(word):
             shown = word.decode("latin-1")[:40]
             return InputError(f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.")
     hint = "Is the file truncated?" if len(words) < columns else None
     return InputError(f"{place.name}, line {line}: {len(words)} values where {columns} channels are declared.", hint)
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return b"_" not in word
 
 
 def _check_frames(name: str, declared: int, found: int, rows: list[bytes]) -> list[str]:

@@ -1,4 +1,4 @@
-"""A BVH's rows to a Skeleton and a Motion, and back to rows in the file's own unit, axes and channel orders.
+"""A BVH to a Skeleton and a Motion; `values_of` (from `stages.formats.bvh_rows`) is the way back.
 
 Position channels replace a joint's OFFSET, as every exporter of such files means it. A joint below joint 0 whose
 position varies gets a translation track; one whose position stands still keeps its offset.
@@ -6,7 +6,6 @@ position varies gets a translation track; one whose position stands still keeps 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,11 +16,16 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.formats import euler
 from stages.formats.bvh import BvhFile
 from stages.formats.bvh_header import POSITION_CHANNELS, BvhJoint
+from stages.formats.bvh_rows import layout_of, local_quaternions, values_of
 from stages.kinematics import reference_pose
 from stages.kinematics.body_groups import BodyParts, find_body_parts
 
+__all__ = ["motion_of", "rate_of", "values_of"]
+
 STILL_M = 1e-4  # a position that moves less than this is still: exporters write rounding noise
 _GUIDE_FRAMES = 16
+_TRIM_LOOKAHEAD = 32
+_JUMP_M = 0.25  # between two frames; a joint of a living body stays below
 
 
 def motion_of(
@@ -82,7 +86,7 @@ def _motion_of(
         track_joints=np.array(heads.moving, np.int32),
         tracks=(heads.tracks * body.unit_m).astype(np.float32),
     )
-    drop = _frames_to_trim(motion, skeleton, local, trim_first)
+    drop = _frames_to_trim(motion, skeleton, trim_first)
     if drop:
         notes.append(f"Dropped the first {drop} frame{'s' if drop > 1 else ''}.")
         motion = first_frames_dropped(motion, drop)
@@ -112,7 +116,7 @@ def first_frames_dropped(motion: Motion, count: int) -> Motion:
     )
 
 
-# --- the figure, found once for files that share it -------------------------------------------------------------------
+# --- the figure, found once for files that share it ---------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -135,16 +139,31 @@ class _Body:
 
 def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray) -> _Body:
     """The figure. Positions given in rows count where they differ from the header's OFFSET."""
-    header = np.array([joint.offset for joint in joints])
-    offsets = header.copy()
-    for index, axes, columns in _position_channels(joints):
-        if index == 0:
-            continue
-        mean = values[:, columns].mean(axis=0)
-        # Unit unknown as yet: "the same" is meant against the size of the offset itself.
-        if np.abs(mean - header[index, axes]).max() > 1e-3 * max(np.linalg.norm(header[index]), 1e-6):
-            offsets[index, axes] = mean
-    return _analyse(joints, tuple(map(tuple, np.round(offsets, 6).tolist())))
+    header = tuple(joint.offset for joint in joints)
+    try:
+        body = _analyse(joints, header)
+        placing = {body.parts.pelvis, *_ancestors(body.parents, body.parts.pelvis)}
+    except InputError:  # the header alone makes no figure; perhaps the rows do
+        body, placing = None, {0}
+    layout = layout_of(joints)
+    offsets = np.array(header)
+    at = (layout.position_joints, layout.position_axes)
+    mean = values[:, layout.position_columns].mean(axis=0)
+    sizes = np.maximum(np.linalg.norm(offsets, axis=1), 1e-6)[layout.position_joints]
+    # The unit is not known yet: "differs" is meant against the size of the offset itself.
+    differs = (np.abs(mean - offsets[at]) > 1e-3 * sizes) & ~np.isin(layout.position_joints, list(placing))
+    if body is not None and not differs.any():
+        return body
+    offsets[at[0][differs], at[1][differs]] = np.round(mean[differs], 6)
+    return _analyse(joints, tuple(map(tuple, offsets.tolist())))
+
+
+def _ancestors(parents: np.ndarray, joint: int) -> list[int]:
+    above = []
+    while parents[joint] >= 0:
+        joint = int(parents[joint])
+        above.append(joint)
+    return above
 
 
 @lru_cache(maxsize=64)
@@ -156,11 +175,9 @@ def _analyse(joints: tuple[BvhJoint, ...], offsets_key: tuple[tuple[float, ...],
     parts = find_body_parts(names, parents, offsets, np.linalg.norm(end_sites, axis=1))
     offsets[0] = 0.0
     # What lies above the pelvis places the figure in the world and is no part of the figure.
-    ancestor = parts.pelvis
-    while ancestor > 0:
-        if any(channel in POSITION_CHANNELS for channel in joints[ancestor].channels):
-            offsets[ancestor] = 0.0
-        ancestor = int(parents[ancestor])
+    for joint in (parts.pelvis, *_ancestors(parents, parts.pelvis)):
+        if any(channel in POSITION_CHANNELS for channel in joints[joint].channels):
+            offsets[joint] = 0.0
     unit_m, note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
     leaf = reference_pose.LEAF_LENGTH_M / unit_m
     tails, on_chain = reference_pose.bone_tails(names, parents, offsets, end_sites, parts, leaf)
@@ -187,49 +204,12 @@ def _skeleton(bvh: BvhFile, body: _Body, parts: BodyParts, up_axis: str) -> Skel
     )
 
 
-# --- rows to poses ----------------------------------------------------------------------------------------------------
-
-
-def _position_channels(joints: tuple[BvhJoint, ...]) -> Iterator[tuple[int, list[int], list[int]]]:
-    """Joint, axes (0 to 2) and columns of every joint with position channels."""
-    for index, joint in enumerate(joints):
-        found = [
-            (POSITION_CHANNELS.index(channel), joint.first_channel + i)
-            for i, channel in enumerate(joint.channels)
-            if channel in POSITION_CHANNELS
-        ]
-        if found:
-            yield index, [axis for axis, _ in found], [column for _, column in found]
-
-
-def rotation_channels(joint: BvhJoint) -> tuple[str, list[int]]:
-    """Axes of a joint's rotation channels in their order, for example "ZXY", and their columns."""
-    found = [
-        (channel[0], joint.first_channel + i)
-        for i, channel in enumerate(joint.channels)
-        if channel not in POSITION_CHANNELS
-    ]
-    return "".join(axis for axis, _ in found), [column for _, column in found]
-
-
-def local_quaternions(joints: tuple[BvhJoint, ...], values: np.ndarray) -> np.ndarray:
-    """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C)."""
-    out = np.empty((len(values), len(joints), 4))
-    by_order: dict[str, tuple[list[int], list[int]]] = {}
-    for index, joint in enumerate(joints):
-        axes, columns = rotation_channels(joint)
-        indices, all_columns = by_order.setdefault(axes, ([], []))
-        indices.append(index)
-        all_columns.extend(columns)
-    for axes, (indices, columns) in by_order.items():
-        angles = values[:, columns].reshape(len(values), len(indices), len(axes))
-        out[:, indices] = euler.to_quaternions(angles, axes)
-    return out
+# --- rows to poses ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Heads:
-    """Joints' heads in their parents' frames, file unit: offsets (J, 3), root (T, 3), tracks (T, K, 3) of `moving`."""
+    """Heads in the parents' frames, file unit: offsets (J, 3), root (T, 3), tracks (T, K, 3) of joints `moving`."""
 
     offsets: np.ndarray
     root: np.ndarray
@@ -241,23 +221,20 @@ class _Heads:
 
 
 def _positions(joints: tuple[BvhJoint, ...], body: _Body, values: np.ndarray) -> _Heads:
-    frames = len(values)
-    root = np.tile(np.array(joints[0].offset), (frames, 1))
-    moving: list[int] = []
-    tracks: list[np.ndarray] = []
-    for index, axes, columns in _position_channels(joints):
-        given = values[:, columns]
-        if index == 0:
-            root[:, axes] = given
-            continue
-        strays = np.abs(given - body.offsets[index, axes]).max()
-        if strays * body.unit_m > STILL_M:
-            track = np.tile(np.array(joints[index].offset), (frames, 1))
-            track[:, axes] = given
-            moving.append(index)
-            tracks.append(track)
-    stacked = np.stack(tracks, axis=1) if tracks else np.zeros((frames, 0, 3))
-    return _Heads(body.offsets, root, moving, stacked)
+    layout = layout_of(joints)
+    given = values[:, layout.position_columns]
+    root = np.tile(np.array(joints[0].offset), (len(values), 1))
+    axes, columns = layout.positions_of(0)
+    root[:, axes] = values[:, columns]
+    still = body.offsets[layout.position_joints, layout.position_axes]
+    strays = np.abs(given - still).max(axis=0, initial=0.0) * body.unit_m > STILL_M
+    moving = [int(joint) for joint in np.unique(layout.position_joints[strays]) if joint > 0]
+    tracks = np.zeros((len(values), len(moving), 3))
+    for i, joint in enumerate(moving):
+        tracks[:, i] = joints[joint].offset
+        axes, columns = layout.positions_of(joint)
+        tracks[:, i, axes] = values[:, columns]
+    return _Heads(body.offsets, root, moving, tracks)
 
 
 def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
@@ -284,9 +261,9 @@ def _world_positions(heads: _Heads, rotations: np.ndarray, parents: np.ndarray) 
     offsets = np.tile(heads.offsets, (len(rotations), 1, 1))
     offsets[:, heads.moving] = heads.tracks
     out[:, 0] = heads.root
-    for joint in range(1, len(parents)):
-        parent = int(parents[joint])
-        out[:, joint] = out[:, parent] + euler.rotate(rotations[:, parent], offsets[:, joint])
+    for level in _levels(parents.tobytes()):
+        above = parents[level]
+        out[:, level] = out[:, above] + euler.rotate(rotations[:, above], offsets[:, level])
     return out
 
 
@@ -305,7 +282,7 @@ def _continuous(rotations: np.ndarray) -> np.ndarray:
     return rotations
 
 
-def _frames_to_trim(motion: Motion, skeleton: Skeleton, local: np.ndarray, trim_first: str | int) -> int:
+def _frames_to_trim(motion: Motion, skeleton: Skeleton, trim_first: str | int) -> int:
     if str(trim_first) != "auto":
         try:
             count = int(trim_first)
@@ -314,68 +291,22 @@ def _frames_to_trim(motion: Motion, skeleton: Skeleton, local: np.ndarray, trim_
         if not 0 <= count < motion.frames:
             raise InputError(f"Cannot trim {count} of its {motion.frames} frames.")
         return count
-    if motion.frames < 8:
+    steps = _fastest_steps(motion, skeleton, _TRIM_LOOKAHEAD)
+    if len(steps) < 8 or steps[0] < _JUMP_M or steps[0] < 2 * steps[1:8].max():
         return 0
-    place = motion.root_positions[:8].copy()
-    for i, joint in enumerate(motion.track_joints):
-        if joint <= skeleton.root:
-            place += motion.tracks[:8, i]
-    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
-    turned = np.abs(np.einsum("tjc,tjc->tj", local[1:8], local[:7])).clip(max=1.0)
-    turns = np.rad2deg(2 * np.arccos(turned)).max(axis=1)
-    jumped = steps[0] > 0.1 and steps[0] > 5 * steps[1:].max()
-    twisted = turns[0] > 30 and turns[0] > 5 * turns[1:].max()
-    return int(jumped or twisted)
+    # A filter ran over such a jump in many recordings: limbs still swing in from it for a few frames.
+    usual = float(np.median(steps[8:])) if len(steps) > 8 else 0.0
+    count = 1
+    while count < 8 and usual and steps[count] > 3 * usual and steps[count] > 0.02:
+        count += 1
+    return count
 
 
-# --- poses to rows ----------------------------------------------------------------------------------------------------
-
-
-def values_of(bvh: BvhFile, skeleton: Skeleton, motion: Motion, near: np.ndarray | None = None) -> np.ndarray:
-    """Rows (T, C) float64 of a motion in the file's own unit, axes and channel orders: the inverse of `motion_of`.
-
-    Args:
-        bvh: the file that the motion's skeleton was read from (only its joints are used).
-        motion: T frames on that skeleton.
-        near: (T, C) rows to stay near to, choosing among equal Euler angles; where a row is NaN, or without `near`,
-            the row before is the guide, so that curves never jump. Position channels of joints without a track take
-            `near`'s value where there is one, else the skeleton's offset.
-    """
-    frames, columns = motion.frames, sum(len(joint.channels) for joint in bvh.joints)
-    guide = np.full((frames, columns), np.nan) if near is None else near
-    rotations = motion.rotations.astype(np.float64)
-    roots = motion.root_positions.astype(np.float64)
-    turn = reference_pose.turn_to_y_up(skeleton.up_axis)
-    if turn is not None:
-        rotations = euler.multiply(turn.inv().as_quat(), rotations)
-        roots = turn.inv().apply(roots)
-    local = rotations.copy()
-    inverse = rotations[:, skeleton.parents[1:]] * np.array([-1.0, -1.0, -1.0, 1.0])
-    local[:, 1:] = euler.multiply(inverse, rotations[:, 1:])
-    local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    out = np.empty((frames, columns))
-    for index, joint in enumerate(bvh.joints):
-        axes, at = rotation_channels(joint)
-        if axes:
-            out[:, at] = euler.angles_near(local[:, index], axes, guide[:, at])
-    _fill_positions(out, bvh.joints, skeleton, motion, roots, guide)
-    return out
-
-
-def _fill_positions(
-    out: np.ndarray,
-    joints: tuple[BvhJoint, ...],
-    skeleton: Skeleton,
-    motion: Motion,
-    roots: np.ndarray,
-    guide: np.ndarray,
-) -> None:
-    tracked = {int(joint): i for i, joint in enumerate(motion.track_joints)}
-    for index, axes, columns in _position_channels(joints):
-        if index == 0:
-            out[:, columns] = roots[:, axes] / skeleton.unit_m
-        elif index in tracked:
-            out[:, columns] = motion.tracks[:, tracked[index]][:, axes].astype(np.float64) / skeleton.unit_m
-        else:
-            still = skeleton.offsets[index][axes] / skeleton.unit_m
-            out[:, columns] = np.where(np.isfinite(guide[:, columns]), guide[:, columns], still)
+def _fastest_steps(motion: Motion, skeleton: Skeleton, frames: int) -> np.ndarray:
+    """How far the fastest seen joint goes from frame to frame, metres, over the first frames."""
+    count = min(frames, motion.frames)
+    heads = _Heads(
+        skeleton.offsets, motion.root_positions[:count], motion.track_joints.tolist(), motion.tracks[:count]
+    )
+    places = _world_positions(heads, motion.rotations[:count].astype(np.float64), skeleton.parents)
+    return np.linalg.norm(np.diff(places[:, skeleton.sampled], axis=0), axis=-1).max(axis=1)

@@ -14,27 +14,27 @@ _LOCKED = 1e-6  # cosine of the middle angle below which only a sum of the outer
 
 def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
     """Quaternions (..., 4) xyzw of channel angles (..., n) degrees about `axes` ("ZXY", "Y", ...), n of 0 to 3."""
-    half = np.deg2rad(angles) * 0.5
-    sin, cos = np.sin(half), np.cos(half)
-    out = np.zeros((*angles.shape[:-1], 4))
-    if not axes:
-        out[..., 3] = 1.0
-        return out
-    out[..., _AXIS[axes[0]]] = sin[..., 0]
-    out[..., 3] = cos[..., 0]
-    for i, axis in enumerate(axes[1:], start=1):
-        _turn_about(out, _AXIS[axis], sin[..., i], cos[..., i])
-    return out
+    parts = np.zeros((4, *angles.shape[:-1]))  # components apart: each step then runs over whole arrays
+    parts[3] = 1.0
+    for i, axis in enumerate(axes):
+        half = angles[..., i] * (np.pi / 360)
+        sin, cos = np.sin(half), np.cos(half)
+        if i == 0:
+            parts[_AXIS[axis]], parts[3] = sin, cos
+        else:
+            parts = _turned_about(parts, _AXIS[axis], sin, cos)
+    return np.moveaxis(parts, 0, -1)
 
 
-def _turn_about(quaternions: np.ndarray, axis: int, sin: np.ndarray, cos: np.ndarray) -> None:
-    """In place: quaternions times a rotation about one of their own axes, cheaper than a whole product."""
+def _turned_about(parts: np.ndarray, axis: int, sin: np.ndarray, cos: np.ndarray) -> np.ndarray:
+    """Quaternions (4, ...) times a rotation about one of their own axes, cheaper than a whole product."""
     after, last = (axis + 1) % 3, (axis + 2) % 3
-    a, b, c, w = (quaternions[..., i].copy() for i in (axis, after, last, 3))
-    quaternions[..., axis] = a * cos + w * sin
-    quaternions[..., after] = b * cos + c * sin
-    quaternions[..., last] = c * cos - b * sin
-    quaternions[..., 3] = w * cos - a * sin
+    out = np.empty_like(parts)
+    out[axis] = parts[axis] * cos + parts[3] * sin
+    out[after] = parts[after] * cos + parts[last] * sin
+    out[last] = parts[last] * cos - parts[after] * sin
+    out[3] = parts[3] * cos - parts[axis] * sin
+    return out
 
 
 def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -51,9 +51,14 @@ def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by unit quaternions (..., 4) xyzw."""
-    axis, w = quaternions[..., :3], quaternions[..., 3:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + w * twice + np.cross(axis, twice)
+    x, y, z, w = (quaternions[..., i] for i in range(4))
+    a, b, c = (vectors[..., i] for i in range(3))
+    # v + 2 w (q x v) + 2 q x (q x v), written out: np.cross costs more than all of it on small arrays.
+    p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return np.stack(
+        [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
+        axis=-1,
+    )
 
 
 def angles_near(rotations: np.ndarray, axes: str, near: np.ndarray) -> np.ndarray:
@@ -101,7 +106,7 @@ def _tait_bryan(rotations: np.ndarray, axes: str) -> tuple[np.ndarray, np.ndarra
     middle_sin = np.clip(sign * matrix[:, i, k], -1.0, 1.0)
     middle_cos = np.hypot(matrix[:, i, i], matrix[:, i, j])
     middle = np.arctan2(middle_sin, middle_cos)
-    locked = middle_cos < _LOCKED
+    locked = np.asarray(middle_cos < _LOCKED)
     first = np.arctan2(-sign * matrix[:, j, k], matrix[:, k, k])
     third = np.arctan2(-sign * matrix[:, i, j], matrix[:, i, i])
     first = np.where(locked, np.arctan2(sign * matrix[:, k, j], matrix[:, j, j]), first)

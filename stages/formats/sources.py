@@ -88,7 +88,9 @@ def _expand(text: str, suffixes: tuple[str, ...]) -> list[Source]:
     if glob.has_magic(text):
         matches = [Path(match) for match in sorted(glob.glob(text, recursive=True))]
         if not matches:
-            raise InputError(f"No file matches {text}.", "Check the pattern; quote it, so that the shell leaves it alone.")
+            raise InputError(
+                f"No file matches {text}.", "Check the pattern; quote it, so that the shell leaves it alone."
+            )
         files = [match for match in matches if match.is_file()]
         return [source for match in files for source in _one(match, match.name, suffixes)]
     if "!" in text:

@@ -14,9 +14,15 @@ class Config(StageConfig):
 
     sources: tuple[str, ...] = Field(description="Files, folders, globs or zip archives of BVH.")
     output: Path = Field(description="Folder of the motion artefact.")
-    splits: Path | None = Field(None, description="JSON of splits: {archive: {test: [...], val: [...]}}; the rest is train.")
-    fps_override: tuple[str, ...] = Field((), description="PATTERN=RATE, for example '*salsa*=60': the true frame rate.")
-    trim_first: str = Field("auto", description="Frames to drop at the start: a number, or auto (a calibration pose).")
+    splits: Path | None = Field(
+        None, description="JSON of splits: {archive: {test: [...], val: [...]}}; the rest is train."
+    )
+    fps_override: tuple[str, ...] = Field(
+        (), description="PATTERN=RATE, for example '*salsa*=60': the true frame rate."
+    )
+    trim_first: str = Field(
+        "auto", description="Frames to drop at the start: a number, or auto (a calibration pose)."
+    )
     licence: str | None = Field(None, description="Licence of the sources, where they do not say it themselves.")
     rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")
     strict: bool = Field(False, description="Stop at the first bad file instead of reporting and skipping it.")

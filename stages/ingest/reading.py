@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
+from multiprocessing.context import BaseContext
 
 from data_schemas.errors import InputError, PumpsError
 from data_schemas.skeleton import Motion, Skeleton
@@ -81,7 +82,7 @@ def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
                 future.cancel()
 
 
-def _context() -> multiprocessing.context.BaseContext:
+def _context() -> BaseContext:
     """Processes that start clean: a fork would copy the threads' locks of whatever library the caller has loaded."""
     methods = multiprocessing.get_all_start_methods()
     return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")

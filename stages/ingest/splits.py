@@ -18,8 +18,9 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> tuple[dict[s
     """Split of every source, by source name, and notes for the user.
 
     The file is the one given, else a `splits.json` beside the archives or in the folder of the recordings:
-    {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training. A data set that no
-    file names is split by a hash of its members' names, so that a clip's split never depends on the others' order.
+    {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training.
+    A data set that no file names is split by a hash of its members' names, so that the order they come in means
+    nothing.
 
     Raises: InputError where a splits file is damaged.
     """
@@ -33,8 +34,8 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> tuple[dict[s
         named = _read_splits(path).get(data_set) if path else None
         if named is None:
             splits |= _by_hash(members)
-            if len(by_set) and len(members) >= 3:
-                notes.append(f"{data_set} is named in no splits file: every {_TEST_SHARE}th clip is for tests.")
+            if len(members) >= 3:
+                notes.append(f"{data_set} is named in no splits file: one clip in {_TEST_SHARE} is for tests.")
             continue
         found, missing = _by_file(members, named)
         splits |= found

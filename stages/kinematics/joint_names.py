@@ -14,19 +14,36 @@ LEFT, RIGHT = "left", "right"
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _SIDES = {"l": LEFT, "left": LEFT, "lft": LEFT, "lf": LEFT, "r": RIGHT, "right": RIGHT, "rgt": RIGHT, "rt": RIGHT}
 
+# Part, words that are it outright, and longer words that may stand inside another ("lefthand", "forearm").
 # Tried in this order: a finger's name often holds the hand's, a toe's the foot's.
-_PARTS: tuple[tuple[str, re.Pattern[str]], ...] = (
-    ("end", re.compile(r"^(end|nub|nubs|site|tip|tips|headtop|toptip)$")),
-    ("helper", re.compile(r"^(twist|helper|dummy|ik|pole|prop|weapon|sword|gun|attach|socket|breast|skirt|tail|cape)")),
-    ("finger", re.compile(r"^(thumb|thumbs|index|middle|mid|ring|pinky|pinkie|little|finger|fingers|metacarpal|carpal)$")),
-    ("face", re.compile(r"^(eye|eyes|eyeball|eyelid|jaw|tongue|teeth|brow|eyebrow|lip|lips|cheek|nose|ear|mouth|hair|face|lid|chin)$")),
-    ("leg", re.compile(r"(thigh|leg$|^legs?|knee|shin|calf|foot|feet|ankle|^toe|toes?$|buttock|femur|tibia|hipjoint|^ball$|heel)")),
-    ("arm", re.compile(r"(shoulder|shldr|clavicle|collar|^arms?$|upperarm|forearm|lowerarm|uparm|elbow|wrist|hand|humerus|radius|ulna|scapula|palm)")),
-    ("hip", re.compile(r"^(hip|hips|pelvis)$")),
-    ("head", re.compile(r"^(head|skull)$")),
-    ("neck", re.compile(r"neck")),
-    ("trunk", re.compile(r"(spine|chest|abdomen|torso|waist|thorax|back$|trunk|stomach|belly)")),
-)  # fmt: skip
+_PARTS = tuple(
+    (part, frozenset(whole.split()), tuple(inside.split()))
+    for part, whole, inside in (
+        ("end", "end nub nubs site tip tips headtop toptip", ""),
+        ("helper", "ik prop gun tail cape", "twist helper dummy pole weapon sword attach socket breast skirt"),
+        ("finger", "thumb thumbs index middle mid ring pinky pinkie little", "finger carpal"),
+        (
+            "face",
+            "eye eyes eyeball eyelid jaw tongue teeth brow eyebrow lip lips cheek nose ear mouth hair face lid chin",
+            "",
+        ),
+        (
+            "leg",
+            "leg legs toe toes ball",
+            "thigh upleg knee shin calf foot feet ankle buttock femur tibia hipjoint heel",
+        ),
+        ("leg", "lowleg lowerleg upperleg toebase", ""),
+        (
+            "arm",
+            "arm arms radius ulna",
+            "shoulder shldr clavicle collar upperarm forearm lowerarm uparm elbow wrist hand humerus scapula palm",
+        ),
+        ("hip", "hip hips pelvis", ""),
+        ("head", "head skull", ""),
+        ("neck", "", "neck"),
+        ("trunk", "back lowback", "spine chest abdomen torso waist thorax lowerback upperback trunk stomach belly"),
+    )
+)
 
 
 class NameSense(NamedTuple):
@@ -73,7 +90,7 @@ def _same_start(word: str, known: str) -> bool:
 
 
 def _part_of(words: list[str]) -> str:
-    for part, pattern in _PARTS:
-        if any(pattern.search(word) for word in words if word != "armature"):
+    for part, whole, inside in _PARTS:
+        if any(word in whole or any(piece in word for piece in inside) for word in words):
             return part
     return ""

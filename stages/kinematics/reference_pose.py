@@ -5,6 +5,8 @@ The zero pose of a file need not be a human pose, so that up and sides come from
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -49,7 +51,7 @@ def bone_tails(
         children[int(parents[joint])].append(joint)
     for chain in parts.chains:
         on_chain[list(chain)] = True
-        for joint, following in zip(chain, chain[1:], strict=False):
+        for joint, following in pairwise(chain):
             tails[joint] = offsets[following]
         last = chain[-1]
         tails[last] = _leaf_tail(last, children[last], names, offsets, end_sites, leaf_length)
@@ -67,7 +69,7 @@ def _leaf_tail(
     end_sites: np.ndarray,
     leaf_length: float,
 ) -> np.ndarray:
-    """Where a main chain's last bone ends: a hand at its middle finger, a head or toe at its end joint or end site."""
+    """Where a main chain's last bone ends: a hand at its middle finger, head and toes at end joint or end site."""
     usable = SHORTEST_BONE_M / LEAF_LENGTH_M * leaf_length
     for wanted in ("end", "finger"):
         found = [child for child in children if sense_of(names[child]).part == wanted]

@@ -1,4 +1,4 @@
-"""Changing a motion's rate: a low-pass against aliasing when going down, then cubic positions and slerped rotations."""
+"""Changing a motion's rate: a low-pass when going down, then cubic positions and slerped rotations."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def resample(motion: Motion, fps: float) -> Motion:
         root_positions=_cubic_at(_filtered(motion.root_positions, kernel), times),
         fps=fps,
         track_joints=motion.track_joints,
-        tracks=_cubic_at(_filtered(motion.tracks, kernel), times) if len(motion.track_joints) else motion.tracks[:1].repeat(len(times), 0),
+        tracks=_cubic_at(_filtered(motion.tracks, kernel), times)
+        if len(motion.track_joints)
+        else motion.tracks[:1].repeat(len(times), 0),
     )
 
 

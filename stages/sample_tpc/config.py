@@ -17,4 +17,6 @@ class Config(StageConfig):
     points: int = Field(256, description="Points drawn for each skeleton.", ge=8)
     sigma_m: float = Field(0.05, description="Standard deviation of a baked cloud's offsets, metres.", ge=0)
     fps: float = Field(30.0, description="Rate that clips are resampled to.", gt=0)
-    bake: bool = Field(False, description="Store every point's position (dense) instead of bones' transforms (rigid).")
+    bake: bool = Field(
+        False, description="Store every point's position (dense) instead of bones' transforms (rigid)."
+    )
