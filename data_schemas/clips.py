@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
 from data_schemas.hdf5_arrays import group_in
+from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact, read_newest
 from data_schemas.migrations import migrated_folder
 
@@ -156,9 +157,10 @@ class ClipReader:
 
     def _open(self, artefact: Artefact) -> None:
         self.artefact = artefact
-        self._scratch = tempfile.TemporaryDirectory(prefix="pumps-migrated-")
+        older = artefact.manifest.schema_version < KINDS[self.KIND].schema_version
+        self._scratch = tempfile.TemporaryDirectory(prefix="pumps-migrated-") if older else None
         try:
-            self.folder = migrated_folder(artefact, Path(self._scratch.name))
+            self.folder = migrated_folder(artefact, Path(self._scratch.name)) if self._scratch else artefact.folder
             self.clips = read_clips(self.folder)
             self._rows = {row.clip: row for row in self.clips}
             self._path = self.folder / self.FILE
@@ -166,7 +168,7 @@ class ClipReader:
                 # Its files never change once they are named, so no lock is needed (and some file systems have none).
                 self._file = h5py.File(self._path, "r", locking=False)
         except BaseException:
-            self._scratch.cleanup()
+            self._clean()
             raise
 
     def row(self, clip: str) -> ClipRow:
@@ -192,7 +194,11 @@ class ClipReader:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-        self._scratch.cleanup()
+        self._clean()
+
+    def _clean(self) -> None:
+        if self._scratch is not None:
+            self._scratch.cleanup()
 
     def __enter__(self: _Reader) -> _Reader:
         return self
