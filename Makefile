@@ -112,7 +112,7 @@ $(R)/evaluate/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(R)/t
 $(R)/report/report.html: $(C)/report.toml $(R)/evaluate/manifest.json $(R)/train-ae/manifest.json $(R)/train-lms/manifest.json $(FILLED)
 	@mkdir -p $(@D)
 	$(PUMPS) report --config $< --metrics $(R)/evaluate --checkpoints $(R)/train-ae --checkpoints $(R)/train-lms \
-	  $(foreach clip,$(CLIPS),--motions 'truth:$(clip)=$(R)/pick-clips/$(clip).bvh' --motions 'pumps:$(clip)=$(R)/infill/$(clip).bvh') -o $@
+	  $(foreach clip,$(CLIPS),--motions '$(clip)/truth=$(R)/pick-clips/$(clip).bvh' --motions '$(clip)/PUMPS=$(R)/infill/$(clip).bvh') -o $@
 
 clean-run:
 	rm -rf '$(R)'

@@ -46,9 +46,17 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 def pick(rows: Sequence[ClipRow], config: Config) -> list[ClipRow]:
-    """Clips in turn from each pair of archive and skeleton, those of a handy length first. No chance is in it."""
+    """Clips in turn from each pair of archive and skeleton, the handiest first. No chance is in it.
+
+    Handy is a clip of a fit length that ingest took as it is: one with a wrong rate or a calibration frame would
+    need the same options again when it is filled.
+    """
+
+    def order(row: ClipRow) -> tuple[bool, bool, str]:
+        return bool(row.flags), not _SHORTEST_S <= row.seconds <= config.longest_s, row.clip
+
     kinds: dict[tuple[str, str], list[ClipRow]] = {}
-    for row in sorted(rows, key=lambda row: (not _SHORTEST_S <= row.seconds <= config.longest_s, row.clip)):
+    for row in sorted(rows, key=order):
         if row.split in config.splits:
             archive = row.source.partition("!")[0] if "!" in row.source else ""
             kinds.setdefault((archive, row.skeleton), []).append(row)

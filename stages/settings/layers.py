@@ -128,7 +128,7 @@ def _fault(config_type: type[BaseModel], detail: Mapping[str, Any], origins: Map
     if detail["type"] == "extra_forbidden":
         near = get_close_matches(fields[-1], _known(config_type, fields[:-1]), n=1)
         return f"there is no setting {name}{place}" + (f" (did you mean {near[0]}?)" if near else "")
-    message = str(detail["msg"])
+    message = str(detail["msg"]).removeprefix("Value error, ")
     return f"{name} = {_shown(detail.get('input'))}{place}: {message[0].lower()}{message[1:]}"
 
 

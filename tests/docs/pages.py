@@ -1,0 +1,26 @@
+"""The pages of the project, and the commands that stand in them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(language: str) -> list[tuple[Path, str]]:
+    """The fenced blocks of a language, with the page of each."""
+    fence = re.compile(rf"^```{language}\n(.*?)^```", re.M | re.S)
+    return [(page, block) for page in PAGES for block in fence.findall(page.read_text(encoding="utf-8"))]
+
+
+def commands() -> list[tuple[Path, str]]:
+    """The lines of all ```sh blocks, continued lines joined, comments left out."""
+    found = []
+    for page, block in blocks("sh"):
+        for line in block.replace("\\\n", " ").splitlines():
+            line = line.partition(" #")[0].strip()
+            if line and not line.startswith("#"):
+                found.append((page, line))
+    return found

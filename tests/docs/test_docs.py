@@ -1,0 +1,69 @@
+"""The pages say what is true: every command in them can be typed, tables match the code, links lead somewhere.
+
+That the commands also do what they say is shown by tests/pipeline/test_end_to_end.py, which runs them.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from pumps_cli import stage_command
+from pumps_cli.app import main
+from stages.config import StageReport
+from stages.registry import STAGES
+from tests.docs.pages import PAGES, ROOT, blocks, commands
+
+SHELL = [pytest.param(line, id=f"{page.name}: {line[:60]}") for page, line in commands()]
+
+
+@pytest.mark.parametrize("line", [each for each in SHELL if each.values[0].startswith("pumps ")])
+def test_every_pumps_command_is_understood(line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """Stages are not run here; tools are, in an empty folder, where what they read may be missing (3)."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stage_command.Stage, "runner", lambda stage: lambda config, *, progress: StageReport())
+    with pytest.raises(SystemExit) as leaving:
+        main(shlex.split(line)[1:])
+    tool = not any(line.split()[1] == stage.command[0] for stage in STAGES)
+    assert leaving.value.code in ((None, 0, 3) if tool else (None, 0))
+
+
+@pytest.mark.parametrize("line", [each for each in SHELL if each.values[0].startswith("make ")])
+def test_every_make_target_and_variable_exists(line: str):
+    text = (ROOT / "Makefile").read_text()
+    phony = re.search(r"^\.PHONY: (.*)$", text, re.M)
+    assert phony
+    targets, variables = phony[1].split(), re.findall(r"^(\w+)\s*\?=", text, re.M)
+    for word in shlex.split(line)[1:]:
+        name, given, _ = word.partition("=")
+        assert name in (variables if given else targets) or name.startswith("-j"), word
+
+
+def test_no_other_programs_are_shown():
+    assert {line.split()[0] for _, line in commands()} <= {"pumps", "make"}
+
+
+def test_the_table_of_commands_is_the_registry():
+    expected = [
+        f"| `{' '.join(('pumps', *s.command))}` | {', '.join(s.reads)} | {s.writes} | {s.summary} |" for s in STAGES
+    ]
+    shown = [line for line in (ROOT / "README.md").read_text().splitlines() if line.startswith("| `pumps")]
+    assert shown == expected
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_to_files_lead_somewhere(page: Path):
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
+        assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize(("page", "code"), blocks("python"))
+def test_python_in_the_pages_is_python(page: Path, code: str):
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(("stages", "data_schemas")):
+            module = ROOT / (node.module or "").replace(".", "/")
+            assert module.with_suffix(".py").exists() or module.is_dir(), f"{page.name}: {node.module}"
