@@ -19,6 +19,8 @@ def write_bvh(
     values: np.ndarray,
     verbatim_rows: Mapping[int, int] | None = None,
     frame_count: int | None = None,
+    *,
+    decimals: int = DECIMALS,
 ) -> bytes:
     """The bytes of a BVH with the header of another one.
 
@@ -41,7 +43,7 @@ def write_bvh(
     head = bvh.motion_head
     if count != bvh.frames:
         head = _FRAMES_LINE.sub(lambda match: f"{match[1]}{count}", head, count=1)
-    text = format_rows(values[made])
+    text = format_rows(values[made], decimals)
     rows: list[bytes] = [b""] * count
     for frame, row in zip(made, text, strict=True):
         rows[frame] = row
@@ -52,8 +54,8 @@ def write_bvh(
     return bvh.header.encode(bvh.encoding) + head.encode(bvh.encoding) + newline.join(rows) + newline
 
 
-def format_rows(values: np.ndarray) -> list[bytes]:
-    """Rows (T, C) as text with six decimals."""
-    pattern = " ".join([f"%.{DECIMALS}f"] * values.shape[1])
-    rounded = np.round(values, DECIMALS) + 0.0  # + 0.0 turns -0.0 into 0.0
+def format_rows(values: np.ndarray, decimals: int = DECIMALS) -> list[bytes]:
+    """Rows (T, C) as text with so many decimals."""
+    pattern = " ".join([f"%.{decimals}f"] * values.shape[1])
+    rounded = np.round(values, decimals) + 0.0  # + 0.0 turns -0.0 into 0.0
     return [(pattern % tuple(row)).encode() for row in rounded.tolist()]

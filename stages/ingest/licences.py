@@ -17,7 +17,6 @@ _KNOWN = (
     ("lafan1*", "CC BY-NC-ND 4.0 (c) Ubisoft"),
     ("100style*", "CC BY 4.0 (c) Ian Mason"),
 )
-EMBEDDED = "zlib (c) Erwin Coumans, Google Inc. (pybullet_data); DeepMimic clips (c) Xue Bin Peng"
 
 
 def licence_of(data_set: str, given: str | None) -> str:

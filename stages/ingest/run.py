@@ -17,7 +17,7 @@ from stages.formats.sources import Source, find_sources
 from stages.ingest.config import Config
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
-from stages.ingest.splits import SPLITS_NAME, assign_splits
+from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
 from stages.progress import SILENT, Progress
 
 _LINES_SHOWN = 40
@@ -33,7 +33,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     sources = find_sources(config.sources)
     overrides = _parse_overrides(config.fps_override)
     trim_first = _parse_trim(config.trim_first)
-    splits, notes = assign_splits(sources, config.splits)
+    assigned = assign_splits(sources, config.splits)
+    notes = assigned.notes
     jobs = [Job(source, _override_of(source, overrides), trim_first, config.rest_frame) for source in sources]
     outcomes: list[tuple[str, str, str, str]] = []  # source, status, clip, notes
     clips = _ClipNames()
@@ -51,7 +52,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                     raise InputError(outcome.notes[0], outcome.hint)
             else:
                 clip = clips.name(outcome.source)
-                rows.append(_store(writer, outcome, job, clip, splits, config.licence))
+                rows.append(_store(writer, outcome, job, clip, assigned, config.licence))
             outcomes.append((outcome.source.name, outcome.status, clip, " ".join(outcome.notes)))
         if not rows:
             first = outcomes[0][3]
@@ -66,11 +67,12 @@ def _store(
     outcome: Outcome,
     job: Job,
     clip: str,
-    splits: dict[str, str],
+    assigned: Assigned,
     licence: str | None,
 ) -> ClipRow:
     assert outcome.motion is not None and outcome.skeleton is not None
     motion = outcome.motion
+    data_set = outcome.source.data_set
     row = ClipRow(
         clip=clip,
         source=outcome.source.name,
@@ -79,8 +81,8 @@ def _store(
         frames=motion.frames,
         fps=motion.fps,
         seconds=motion.frames / motion.fps,
-        split=splits[outcome.source.name],
-        licence=licence_of(outcome.source.data_set, licence),
+        split=assigned.splits[outcome.source.name],
+        licence=licence_of(data_set, licence or assigned.licences.get(data_set)),
         flags=_flags(outcome, job),
     )
     writer.add_clip(row, motion)

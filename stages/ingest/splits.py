@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from data_schemas.errors import InputError
 from stages.formats.sources import Source
@@ -14,18 +16,27 @@ SPLITS_NAME = "splits.json"
 _TEST_SHARE, _VAL_SHARE = 10, 20  # one in so many, where no file says
 
 
-def assign_splits(sources: Sequence[Source], given: Path | None) -> tuple[dict[str, str], list[str]]:
-    """Split of every source, by source name, and notes for the user.
+@dataclass
+class Assigned:
+    """Split of every source, by source name; licences that splits files tell, by data set; notes for the user."""
+
+    splits: dict[str, str] = field(default_factory=dict)
+    licences: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
+    """Put every source into a split.
 
     The file is the one given, else a `splits.json` beside the archives or in the folder of the recordings:
-    {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training.
+    {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training; a "licence" may
+    stand beside the lists.
     A data set that no file names is split by a hash of its members' names, so that the order they come in means
     nothing.
 
     Raises: InputError where a splits file is damaged.
     """
-    splits: dict[str, str] = {}
-    notes: list[str] = []
+    assigned = Assigned()
     by_set: dict[str, list[Source]] = {}
     for source in sources:
         by_set.setdefault(source.data_set, []).append(source)
@@ -33,15 +44,21 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> tuple[dict[s
         path = given or _beside(members[0])
         named = _read_splits(path).get(data_set) if path else None
         if named is None:
-            splits |= _by_hash(members)
+            assigned.splits |= _by_hash(members)
             if len(members) >= 3:
-                notes.append(f"{data_set} is named in no splits file: one clip in {_TEST_SHARE} is for tests.")
+                assigned.notes.append(
+                    f"{data_set} is named in no splits file: one clip in {_TEST_SHARE} is for tests."
+                )
             continue
         found, missing = _by_file(members, named)
-        splits |= found
+        assigned.splits |= found
+        if isinstance(named.get("licence"), str):
+            assigned.licences[data_set] = named["licence"]
         if missing:
-            notes.append(f"{path} names {len(missing)} clips of {data_set} that are not there, first '{missing[0]}'.")
-    return splits, notes
+            assigned.notes.append(
+                f"{path} names {len(missing)} clips of {data_set} that are not there, first '{missing[0]}'."
+            )
+    return assigned
 
 
 def _beside(source: Source) -> Path | None:
@@ -50,7 +67,7 @@ def _beside(source: Source) -> Path | None:
     return path if path.is_file() else None
 
 
-def _read_splits(path: Path) -> dict[str, dict[str, list[str]]]:
+def _read_splits(path: Path) -> dict[str, dict[str, Any]]:
     try:
         raw = json.loads(path.read_bytes())
     except OSError as error:
@@ -67,7 +84,7 @@ def _read_splits(path: Path) -> dict[str, dict[str, list[str]]]:
     return raw
 
 
-def _by_file(members: Sequence[Source], named: dict[str, list[str]]) -> tuple[dict[str, str], list[str]]:
+def _by_file(members: Sequence[Source], named: dict[str, Any]) -> tuple[dict[str, str], list[str]]:
     wanted = {name: split for split in ("val", "test") for name in named.get(split, [])}
     splits = {}
     used = set()
