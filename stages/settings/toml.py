@@ -13,7 +13,7 @@ from data_schemas.errors import InputError
 if sys.version_info >= (3, 11):
     import tomllib
 else:
-    import tomli as tomllib
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
