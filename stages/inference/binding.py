@@ -25,11 +25,14 @@ class Binding:
     joints:  (P,) long, the joint whose bone carries the point.
     in_bone: (P, 3) float32, the point in that joint's frame, metres.
     weights: (P,) float32 in [0, 1], how clear it is that the point rides there.
+    wander:  (P,) float32, how far the point strays in its bone's frame over the reference frames (root mean square),
+             metres; NaN for points that no bone carries.
     """
 
     joints: Tensor
     in_bone: Tensor
     weights: Tensor
+    wander: Tensor
 
 
 def bind_points(
@@ -66,6 +69,7 @@ def bind_points(
     joints = torch.zeros(points.shape[1], dtype=torch.long, device=points.device)
     in_bone = torch.zeros_like(points[0])
     weights = torch.zeros_like(points[0, :, 0])
+    strays = torch.full_like(weights, torch.nan)
     for group in range(len(BODY_GROUPS)):
         members = torch.nonzero(groups.long() == group).squeeze(-1)
         candidates = torch.nonzero(sampled & (bone_groups == group)).squeeze(-1)
@@ -83,7 +87,8 @@ def bind_points(
         row = torch.arange(len(members), device=points.device)
         joints[members], in_bone[members] = candidates[best], mean[row, best]
         weights[members] = clarity / (1 + wander[row, best] / (3 * still_m) ** 2)
-    return Binding(joints, in_bone, weights)
+        strays[members] = wander[row, best].sqrt()
+    return Binding(joints, in_bone, weights, strays)
 
 
 def _distance_to_segment(points: Tensor, tails: Tensor) -> Tensor:

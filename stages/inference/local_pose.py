@@ -11,7 +11,7 @@ from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
 from stages.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
-from stages.kinematics.plain_interpolation import interpolate_pose
+from stages.kinematics.plain_interpolation import Smoothness, interpolate_pose
 
 
 class LocalPose(NamedTuple):
@@ -35,7 +35,7 @@ class LocalPose(NamedTuple):
         """True where offsets vary over time."""
         return self.offsets.dim() == 3
 
-    def at(self, key_times: Tensor, times: Tensor, smooth: float = 0.0) -> LocalPose:
+    def at(self, key_times: Tensor, times: Tensor, smooth: Smoothness = 0.0) -> LocalPose:
         """This pose's frames taken as keys, interpolated plainly to other times."""
         return LocalPose(*interpolate_pose(*self, key_times, times, smooth=smooth))
 
@@ -80,25 +80,19 @@ def correct_pose(
     return LocalPose(local, pose.roots, offsets)
 
 
-def replace_rows(skeleton: Skeleton, motion: Motion, frames: int, pose: LocalPose, rows: np.ndarray) -> Motion:
-    """A motion of `frames` frames: `rows` come from `pose`, the others are the motion's own, value for value.
+def replace_rows(skeleton: Skeleton, motion: Motion, pose: LocalPose, rows: np.ndarray) -> Motion:
+    """A motion of as many frames: `rows` come from `pose`, the others are the motion's own, value for value.
 
     Rows from the pose are sign-continuous in time with what comes before them.
     """
     _, rotations = pose.world(skeleton.parents)
-    index = np.setdiff1d(np.arange(frames), rows)
-    out = np.empty((frames, *motion.rotations.shape[1:]), np.float32)
-    roots = np.empty((frames, 3), np.float32)
-    tracks = np.empty((frames, len(motion.track_joints), 3), np.float32)
-    out[index], roots[index] = motion.rotations[index], motion.root_positions[index]
+    out, roots, tracks = (np.array(a, np.float32) for a in (motion.rotations, motion.root_positions, motion.tracks))
     out[rows], roots[rows] = rotations.cpu().numpy(), pose.roots.cpu().numpy()
     if len(motion.track_joints):
-        tracks[index] = motion.tracks[index]
         tracks[rows] = pose.offsets[:, torch.as_tensor(motion.track_joints, dtype=torch.long)].cpu().numpy()
-    given = np.ones(frames, bool)
+    given = np.ones(motion.frames, bool)
     given[rows] = False
     _continue_signs(out, given)
-    tracks = tracks if len(motion.track_joints) else np.zeros((0, 0, 3), np.float32)
     return Motion(out, roots, motion.fps, motion.track_joints, tracks)
 
 
@@ -110,6 +104,3 @@ def _continue_signs(rotations: np.ndarray, given: np.ndarray) -> None:
         sign = np.where(given[row], 1.0, np.where(disagree[row - 1], -sign, sign)).astype(np.float32)
         if not given[row]:
             rotations[row] *= sign[:, None]
-
-
-__all__ = ["LocalPose", "correct_pose", "pose_of_motion", "replace_rows", "rows_of_motion"]

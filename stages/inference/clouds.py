@@ -1,0 +1,163 @@
+"""The clouds of a fill: points on the plain interpolation, and where the same points should be.
+
+The models see positions, body groups and times; which bone a point was drawn on stays here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.inference.binding import Binding, bind_points
+from stages.inference.local_pose import LocalPose, pose_of_motion
+from stages.inference.token_times import Tokens
+from stages.kinematics.conventions import MODEL_FPS
+from stages.pointcloud.sampling import draw_points, place_points, points_in_bone
+
+CloudSource = Literal["synthesised", "reconstructed", "true", "latents"]
+CHUNK_TOKENS = 1024  # bounds the memory of a long clip
+
+
+class CloudAutoencoder(Protocol):
+    """What filling needs of an autoencoder. Times are real-valued model frames; points are metres in the world."""
+
+    def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
+        """(T, P, 3) and (P,) to latents (T, D) and centroids (T, 3)."""
+        ...
+
+    def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """(T, D), (T, 3), (T,), (P,), (P, Z) to points (T, P, 3)."""
+        ...
+
+    def draw_noise(self, points: int, seed: int) -> Tensor:
+        """Identities (P, Z) of points."""
+        ...
+
+
+class CloudModels(Protocol):
+    """What filling needs of trained models."""
+
+    @property
+    def autoencoder(self) -> CloudAutoencoder: ...
+
+    def synthesise(
+        self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
+    ) -> tuple[Tensor, Tensor]:
+        """Latents, centroids (read where known), (T,) True for keys, and those of the plain interpolation."""
+        ...
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A clip to fill: its keys' plain interpolation at the N tokens, and (for measuring) the motion itself."""
+
+    skeleton: Skeleton
+    motion: Motion
+    tokens: Tokens
+    base: LocalPose
+
+    @property
+    def device(self) -> torch.device:
+        return self.base.roots.device
+
+    @property
+    def times(self) -> Tensor:
+        """(N,) float64 model frames."""
+        return torch.as_tensor(self.tokens.times, device=self.device)
+
+    @property
+    def is_key(self) -> Tensor:
+        """(N,) bool."""
+        return torch.as_tensor(self.tokens.is_key, device=self.device)
+
+    def base_world(self, rows: Tensor | slice) -> tuple[Tensor, Tensor]:
+        """Heads (n, J, 3) and global rotations (n, J, 4) of the base at some tokens."""
+        return self.base.rows(rows).world(self.skeleton.parents)
+
+
+class DrawnPoints(NamedTuple):
+    """Points drawn on a skeleton. Only `groups` goes to the models and the solve, never `bones`."""
+
+    bones: Tensor  # (P,)
+    in_bone: Tensor  # (P, 3)
+    groups: Tensor  # (P,)
+
+
+class Clouds(NamedTuple):
+    """Where points should be and where the same points are on the base, and the bones they ride on.
+
+    points:    (N, P, 3) metres.
+    reference: (N, P, 3), or None where it is the bound points on the base themselves.
+    binding:   the points' bones, found from positions and groups alone.
+    """
+
+    points: Tensor
+    reference: Tensor | None
+    binding: Binding
+
+
+def draw_on_skeleton(
+    skeleton: Skeleton, points: int, seed: int, sigma_m: float, device: torch.device | str = "cpu"
+) -> DrawnPoints:
+    """Points drawn on the sampled bones, each with probability proportional to its length."""
+    lengths = np.linalg.norm(skeleton.tails, axis=-1) * skeleton.sampled
+    drawn = draw_points(lengths, points, np.random.default_rng(seed))
+    bones, alphas, offsets = (torch.as_tensor(part, device=device) for part in drawn)
+    tails = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device)
+    groups = torch.as_tensor(skeleton.groups, device=device).long()[bones.long()]
+    return DrawnPoints(bones, points_in_bone(tails, bones, alphas, offsets, sigma_m), groups)
+
+
+def place_on_pose(drawn: DrawnPoints, pose: LocalPose, skeleton: Skeleton) -> Tensor:
+    """Drawn points (T, P, 3) on a pose, a chunk at a time."""
+    parts = []
+    for start in range(0, len(pose.roots), CHUNK_TOKENS):
+        heads, rotations = pose.rows(slice(start, start + CHUNK_TOKENS)).world(skeleton.parents)
+        parts.append(place_points(heads, rotations, drawn.bones, drawn.in_bone))
+    return torch.cat(parts)
+
+
+def find_clouds(
+    scene: Scene,
+    drawn: DrawnPoints,
+    models: CloudModels | None,
+    source: CloudSource,
+    seed: int,
+    latents: tuple[Tensor, Tensor] | None = None,
+) -> Clouds:
+    """The cloud that the solve follows, and what it is compared with.
+
+    Args:
+        models: None will do for the source "true".
+        seed: of the decoded points' identities.
+        latents: for the source "latents", (N, D) and centroids (N, 3) at the tokens.
+    """
+    if models is None or source == "true":
+        points = place_on_pose(drawn, _truth(scene), scene.skeleton)
+        binding = bind_points(points[scene.is_key], drawn.groups, scene.skeleton, *scene.base_world(scene.is_key))
+        return Clouds(points, None, binding)
+    coder = models.autoencoder
+    plain = coder.encode(place_on_pose(drawn, scene.base, scene.skeleton), drawn.groups)
+    if source == "synthesised":
+        better = models.synthesise(*plain, scene.is_key, scene.times, plain)
+    elif latents is not None:
+        better = latents
+    else:
+        better = coder.encode(place_on_pose(drawn, _truth(scene), scene.skeleton), drawn.groups)
+    noise = coder.draw_noise(len(drawn.groups), seed)
+    reference = coder.decode(*plain, scene.times, drawn.groups, noise).to(scene.device)
+    points = coder.decode(*better, scene.times, drawn.groups, noise).to(scene.device)
+    shown = torch.as_tensor(scene.tokens.spread(), device=scene.device)
+    binding = bind_points(reference[shown], drawn.groups, scene.skeleton, *scene.base_world(shown))
+    return Clouds(points, reference, binding)
+
+
+def _truth(scene: Scene) -> LocalPose:
+    """The motion itself at the tokens. Only measurements may look at it."""
+    frame_times = torch.arange(scene.motion.frames, device=scene.device).double() * (MODEL_FPS / scene.motion.fps)
+    return pose_of_motion(scene.skeleton, scene.motion, scene.device).at(frame_times, scene.times)
