@@ -129,4 +129,4 @@ test: lint
 	$(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
 
 bench: install-dev
-	@for script in benchmarks/*.py; do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
+	@for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
