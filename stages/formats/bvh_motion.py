@@ -88,7 +88,8 @@ def _motion_of(
     )
     drop = _frames_to_trim(motion, skeleton, trim_first)
     if drop:
-        notes.append(f"Dropped the first {drop} frame{'s' if drop > 1 else ''}.")
+        why = ": a calibration pose and what swings in from it" if str(trim_first) == "auto" else ""
+        notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
         motion = first_frames_dropped(motion, drop)
     return skeleton, motion, notes
 

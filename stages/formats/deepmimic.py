@@ -1,7 +1,7 @@
 """Reading DeepMimic clips (the humanoid3d_*.txt that pybullet carries) and giving them as BVH.
 
-A clip is JSON: {"Loop": "wrap" or "none", "Frames": [[seconds, root x y z, root w x y z, ...], ...]}; quaternions stand
-w x y z, knees and elbows are one angle about Z. The figure has 13 joints, Y up, faces +X, metres.
+A clip is JSON: {"Loop": "wrap" or "none", "Frames": [[seconds, root x y z, root w x y z, ...], ...]};
+quaternions stand w x y z, knees and elbows are one angle about Z. The figure has 13 joints, Y up, faces +X, metres.
 """
 
 from __future__ import annotations

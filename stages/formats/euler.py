@@ -70,25 +70,73 @@ def angles_near(rotations: np.ndarray, axes: str, near: np.ndarray) -> np.ndarra
         near: (T, n) degrees, rows of NaN where the frame before (or, in the first frame, zero) is the guide.
     Returns: (T, n) degrees.
     """
+    near = near.copy()
+    guided = np.asarray(np.isfinite(near).all(axis=1))
+    if len(near) and not guided[0]:
+        near[0], guided[0] = 0.0, True
     if len(axes) == 1:
-        candidates = np.rad2deg(2 * np.arctan2(rotations[:, _AXIS[axes]], rotations[:, 3]))[None, :, None]
-        locked = np.zeros(len(rotations), bool)
-    else:
-        full = axes if len(axes) == 3 else axes + next(axis for axis in "XYZ" if axis not in axes)
-        first, locked = _tait_bryan(rotations, full)
-        second = np.stack([first[:, 0] + 180, 180 - first[:, 1], first[:, 2] + 180], axis=1)
-        candidates = np.stack([first, second])[:, :, : len(axes)]
-    out = np.empty((len(rotations), len(axes)))
-    previous = np.zeros(len(axes))
-    guided = np.isfinite(near).all(axis=1)
-    for frame in range(len(rotations)):
+        angles = np.rad2deg(2 * np.arctan2(rotations[:, _AXIS[axes]], rotations[:, 3]))[:, None]
+        return _unwrapped(angles, near, guided)
+    full = axes if len(axes) == 3 else axes + next(axis for axis in "XYZ" if axis not in axes)
+    first, locked = _tait_bryan(rotations, full)
+    pair = np.stack([first, _other_triple(first)])[:, :, : len(axes)]
+    if locked.any() and len(axes) == 3:
+        return _one_by_one(pair, near, guided, locked, _parity(axes))
+    return _unwrapped(_chosen(pair, near, guided), near, guided)
+
+
+def _other_triple(angles: np.ndarray) -> np.ndarray:
+    """The other Euler triple (..., 3) of the same rotation."""
+    return np.stack([angles[..., 0] + 180, 180 - angles[..., 1], angles[..., 2] + 180], axis=-1)
+
+
+def _distance(angles: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Sum over (..., n) of how far angles are from a goal, whole turns not counted."""
+    apart = goal - angles
+    return np.abs(apart - 360.0 * np.round(apart / 360.0)).sum(axis=-1)
+
+
+def _chosen(pair: np.ndarray, near: np.ndarray, guided: np.ndarray) -> np.ndarray:
+    """Of the two triples (2, T, n) of each frame the one nearer to the guide, or to the one chosen before.
+
+    Whether a frame changes over to the other triple is the same from either, since a change moves both alike; so the
+    choices between two guided frames are a running sum of changes, and no frame has to wait for the one before.
+    """
+    by_guide = (_distance(pair[1], near) < _distance(pair[0], near)) & guided
+    changes = np.zeros(len(near), np.int64)
+    changes[1:] = _distance(pair[1, 1:], pair[0, :-1]) < _distance(pair[0, 1:], pair[0, :-1])
+    choice = _since_guided(changes, by_guide.astype(np.int64), guided) % 2
+    return np.where(choice[:, None] == 1, pair[1], pair[0])
+
+
+def _unwrapped(angles: np.ndarray, near: np.ndarray, guided: np.ndarray) -> np.ndarray:
+    """Angles (T, n) with the whole turns that bring each nearest to its guide or to the frame before."""
+    steps = np.zeros(angles.shape)
+    steps[1:] = np.round((angles[:-1] - angles[1:]) / 360.0)
+    by_guide = np.round((np.where(guided[:, None], near, 0.0) - angles) / 360.0)
+    return angles + 360.0 * _since_guided(steps, by_guide, guided)
+
+
+def _since_guided(steps: np.ndarray, starts: np.ndarray, guided: np.ndarray) -> np.ndarray:
+    """Running sum of steps (T, ...) that starts anew, at `starts`, in every guided frame; the first one is guided."""
+    total = np.cumsum(steps, axis=0)
+    last = np.maximum.accumulate(np.where(guided, np.arange(len(guided)), 0))
+    return starts[last] + total - total[last]
+
+
+def _one_by_one(
+    pair: np.ndarray, near: np.ndarray, guided: np.ndarray, locked: np.ndarray, parity: float
+) -> np.ndarray:
+    """As the vectorised way, but frame after frame, for curves that pass through a gimbal lock."""
+    out = np.empty(near.shape)
+    previous = np.zeros(near.shape[1])
+    for frame in range(len(near)):
         guide = near[frame] if guided[frame] else previous
-        if locked[frame] and len(axes) == 3:
-            previous = _nearest_locked(candidates[0, frame], guide, _parity(axes))
+        if locked[frame]:
+            previous = _nearest_locked(pair[0, frame], guide, parity)
         else:
-            choice = candidates[:, frame]
-            choice = choice + 360.0 * np.round((guide - choice) / 360.0)
-            previous = choice[0] if len(choice) == 1 else choice[np.abs(choice - guide).sum(axis=1).argmin()]
+            both = pair[:, frame] + 360.0 * np.round((guide - pair[:, frame]) / 360.0)
+            previous = both[np.abs(both - guide).sum(axis=1).argmin()]
         out[frame] = previous
     return out
 
