@@ -92,9 +92,10 @@ class TimeAttention(nn.Module):
 class TimeLayer(nn.Module):
     """Pre-norm attention over time, then a feed-forward part; asks the frames themselves, or a memory."""
 
-    def __init__(self, width: int, heads: int, rotary: bool = True, widening: int = 4):
+    def __init__(self, width: int, heads: int, rotary: bool = True, *, asks_memory: bool = False, widening: int = 4):
         super().__init__()
-        self.attention_norm, self.memory_norm = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.attention_norm = nn.LayerNorm(width)
+        self.memory_norm = nn.LayerNorm(width) if asks_memory else None
         self.attention = TimeAttention(width, heads, rotary)
         self.feed_norm = nn.LayerNorm(width)
         self.feed = nn.Sequential(nn.Linear(width, widening * width), nn.GELU(), nn.Linear(widening * width, width))
@@ -108,6 +109,8 @@ class TimeLayer(nn.Module):
         known: Tensor | None = None,
     ) -> Tensor:
         """As `TimeAttention.forward`, with residuals; (B, T, width)."""
-        asked = None if memory is None else self.memory_norm(memory)
+        if (memory is None) != (self.memory_norm is None):
+            raise ValueError("a layer made with asks_memory is given a memory at every call, and no other layer is")
+        asked = None if memory is None or self.memory_norm is None else self.memory_norm(memory)
         frames = frames + self.attention(self.attention_norm(frames), times, asked, memory_times, known)
         return frames + self.feed(self.feed_norm(frames))

@@ -64,7 +64,9 @@ class LatentSynthesiser(nn.Module):
         self.embed_missing = nn.Linear(latent_width + 3 + _PLACE_FEATURES, width)
         self.missing_token = nn.Parameter(torch.randn(width) * 0.02)
         self.key_layers = nn.ModuleList(TimeLayer(width, sizes.heads) for _ in range(sizes.key_layers))
-        self.fill_layers = nn.ModuleList(TimeLayer(width, sizes.heads) for _ in range(sizes.fill_layers))
+        self.fill_layers = nn.ModuleList(
+            TimeLayer(width, sizes.heads, asks_memory=True) for _ in range(sizes.fill_layers)
+        )
         self.frame_layers = nn.ModuleList(TimeLayer(width, sizes.heads) for _ in range(sizes.frame_layers))
         self.norm = nn.LayerNorm(width)
         self.out = nn.Linear(width, latent_width + 3)

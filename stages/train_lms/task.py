@@ -23,7 +23,6 @@ from stages.training.masks import draw_known
 from stages.training.task import step_seed
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
-
 # Errors below these (latents' mean square; metres squared) count as none: a window where nothing moves has no share.
 _NOTHING = torch.tensor([0.01, 0.01**2])
 

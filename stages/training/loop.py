@@ -212,6 +212,8 @@ class _Run:
         tensors = {name: torch.from_numpy(np.array(value)) for name, value in kept.optimiser.items()}
         self.task.networks.load_state_dict({name: torch.from_numpy(np.array(v)) for name, v in kept.weights.items()})
         for name, parameter in self.named.items():
+            if f"step/{name}" not in tensors:
+                continue
             moments = {key: tensors[f"{key}/{name}"] for key in ("step", "exp_avg", "exp_avg_sq")}
             self.optimiser.state[parameter] = {
                 key: value if key == "step" else value.to(parameter.device) for key, value in moments.items()

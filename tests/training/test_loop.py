@@ -1,0 +1,172 @@
+"""The training loop: a resumed run is the unbroken one, a kill costs nothing, bad losses stop it."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from data_schemas.artefact import open_artefact, partial_folder
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import PumpsError
+from stages.progress import SILENT
+from stages.train_ae.config import Config
+from stages.train_ae.run import run
+from stages.training.config import TrainingConfig
+from stages.training.loop import learning_rate, train
+
+from .tiny_clouds import write_clouds
+
+TINY = {
+    "steps": 6,
+    "batch": 2,
+    "window": 8,
+    "points": 24,
+    "warmup": 2,
+    "validate_every": 3,
+    "checkpoint_every": 2,
+    "device": "cpu",
+    "encoder": {"width": 8, "blocks": 2, "neighbours": 4, "heads": 2},
+    "decoder": {"width": 16, "layers": 1, "heads": 2, "noise": 4, "point_width": 8, "point_hidden": 8},
+}
+
+
+class Killed(Exception):
+    pass
+
+
+class KillAt:
+    """Progress that breaks the run off after a step, as a kill would."""
+
+    def __init__(self, step: int):
+        self.left = step
+
+    def start(self, label, total=None): ...
+    def message(self, text): ...
+
+    def advance(self, steps=1, note=""):
+        if note:
+            self.left -= 1
+            if self.left == 0:
+                raise Killed
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory):
+    return write_clouds(tmp_path_factory.mktemp("clouds") / "tpc")
+
+
+def config_for(clouds, output, **changes) -> Config:
+    return Config(tpc=clouds, output=output, **{**TINY, **changes})
+
+
+def weights_of(path):
+    return read_checkpoint(path).weights
+
+
+def test_a_killed_run_resumes_bit_for_bit(clouds, tmp_path):
+    run(config_for(clouds, tmp_path / "whole"))
+    with pytest.raises(Killed):
+        run(config_for(clouds, tmp_path / "broken"), progress=KillAt(5))
+    assert (partial_folder(tmp_path / "broken") / "manifest.json").exists()
+    assert not (tmp_path / "broken" / "manifest.json").exists()
+    report = run(config_for(clouds, tmp_path / "broken"))
+    assert report.figures["finished"]
+    whole, broken = weights_of(tmp_path / "whole"), weights_of(tmp_path / "broken")
+    assert all((whole[name] == broken[name]).all() for name in whole)
+    steps = [row["step"] for row in read_checkpoint(tmp_path / "broken").log if row["split"] == "val"]
+    assert steps == [3, 6]
+    assert not partial_folder(tmp_path / "broken").exists()
+
+
+def test_another_config_does_not_resume_the_old_run(clouds, tmp_path):
+    with pytest.raises(Killed):
+        run(config_for(clouds, tmp_path / "ae"), progress=KillAt(4))
+    run(config_for(clouds, tmp_path / "ae", seed=5))
+    run(config_for(clouds, tmp_path / "fresh", seed=5))
+    old, fresh = weights_of(tmp_path / "ae"), weights_of(tmp_path / "fresh")
+    assert all((old[name] == fresh[name]).all() for name in old)
+
+
+def test_time_that_is_over_leaves_a_run_to_go_on_with(clouds, tmp_path):
+    report = run(config_for(clouds, tmp_path / "ae", max_time=1e-9))
+    assert not report.figures["finished"]
+    assert report.figures["step"] == 1
+    assert not (tmp_path / "ae").exists() or not (tmp_path / "ae" / "manifest.json").exists()
+    assert run(config_for(clouds, tmp_path / "ae")).figures["finished"]
+
+
+def test_the_checkpoint_says_what_it_was_trained_on(clouds, tmp_path):
+    run(config_for(clouds, tmp_path / "ae", steps=2))
+    artefact = open_artefact(tmp_path / "ae", "checkpoint")
+    assert artefact.manifest.licences == ["CC0"]
+    card = read_checkpoint(artefact).card
+    assert "CC0" in card and "archive0.zip" in card
+
+
+@pytest.mark.parametrize(
+    "changes", [{"loss": "chamfer"}, {"loss_points": 8}, {"decoder": {**TINY["decoder"], "head": "skinning"}}]
+)
+def test_the_choices_of_the_loss_and_head_train(clouds, tmp_path, changes):
+    run(config_for(clouds, tmp_path / "ae", steps=2, **changes))
+    losses = [row["loss"] for row in read_checkpoint(tmp_path / "ae").log if row["split"] == "train"]
+    assert all(math.isfinite(loss) for loss in losses)
+
+
+class Parabola:
+    """The smallest task: one parameter that should become 3."""
+
+    def __init__(self, poison_at: int | None = None):
+        self.networks = nn.ParameterDict({"place": nn.Parameter(torch.zeros(1))})
+        self.steps, self.poison_at = 0, poison_at
+
+    def draw(self, rng: np.random.Generator) -> float:
+        return float(rng.normal())
+
+    def loss(self, batch, generator):
+        self.steps += 1
+        value = (self.networks["place"] - 3).square().sum()
+        return value * (float("nan") if self.steps == self.poison_at else 1.0), {}
+
+    def validate(self):
+        return {"score": float((self.networks["place"].detach() - 3).square())}
+
+
+def plain_config(tmp_path, **changes) -> TrainingConfig:
+    class Config(TrainingConfig):
+        output: object
+
+    return Config(
+        output=tmp_path / "out",
+        **{"steps": 400, "learning_rate": 0.1, "warmup": 10, "validate_every": 20, "average": 0.5, **changes},
+    )
+
+
+def test_it_descends_and_keeps_the_best(tmp_path):
+    trained = train(Parabola(), plain_config(tmp_path), progress=SILENT)
+    assert trained.finished
+    assert abs(trained.weights["place"].item() - 3) < 0.3
+    assert trained.best == min(row["score"] for row in trained.log if row["split"] == "val")
+
+
+def test_it_stops_early_when_nothing_gets_better(tmp_path):
+    task = Parabola()
+    task.validate = lambda: {"score": 1.0}
+    trained = train(task, plain_config(tmp_path, patience=2), progress=SILENT)
+    assert trained.finished
+    assert trained.step == 60
+
+
+def test_a_loss_that_is_no_number_stops_with_the_mend(tmp_path):
+    with pytest.raises(PumpsError, match=r"nan at step 4.*learning_rate"):
+        train(Parabola(poison_at=5), plain_config(tmp_path), progress=SILENT)
+
+
+def test_the_learning_rate_warms_up_and_falls_to_nothing():
+    config = TrainingConfig(steps=100, warmup=10, learning_rate=1.0)
+    rates = [learning_rate(config, step) for step in range(100)]
+    assert rates[0] == pytest.approx(0.1)
+    assert max(rates) == rates[9] == pytest.approx(1.0)
+    assert rates[50] == pytest.approx((10 / 51) ** 0.5)
+    assert rates[99] < 0.05

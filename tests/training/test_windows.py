@@ -1,0 +1,105 @@
+"""Windows and clouds for training: right frames, right groups, no leak."""
+
+import numpy as np
+import pytest
+import torch
+
+from data_schemas.tpc import TpcReader
+from stages.kinematics.window_interpolation import interpolate_windows
+from stages.training.masks import draw_known
+from stages.training.windows import WindowPool, clouds_of, draw_clouds, known_centre
+
+from .tiny_clouds import write_clouds
+
+
+@pytest.fixture(scope="module")
+def pool(tmp_path_factory) -> WindowPool:
+    with TpcReader(write_clouds(tmp_path_factory.mktemp("clouds") / "tpc")) as reader:
+        return WindowPool(reader, ("train",))
+
+
+def test_the_same_seed_draws_the_same_windows(pool):
+    first, second = (pool.draw(5, 20, np.random.default_rng(4), augment=True) for _ in range(2))
+    assert (first.heads == second.heads).all()
+    assert (first.rotations == second.rotations).all()
+
+
+def test_short_clips_are_masked_and_hold_their_last_frame(pool):
+    short = int(pool.lengths.argmin())
+    window = pool.at(np.array([short]), np.array([0]), 20)
+    assert window.valid.sum() == pool.lengths[short] == 12
+    assert (window.heads[0, 12:] == window.heads[0, 11]).all()
+
+
+def test_data_sets_share_as_balance_says(pool):
+    assert pool.share.sum() == pytest.approx(1)
+    assert (pool.share > 0).all()
+
+
+def test_clouds_are_placed_by_the_known_frames_alone(pool):
+    rng = np.random.default_rng(0)
+    windows = pool.draw(3, 20, rng, augment=False)
+    known = torch.zeros(3, 20, dtype=torch.bool)
+    known[:, [0, 19]] = True
+    before = known_centre(windows.heads, known)
+    windows.heads[:, 1:19] += 100
+    assert (known_centre(windows.heads, known) == before).all()
+
+
+def test_mirroring_exchanges_left_and_right_and_keeps_distances(pool):
+    rng = np.random.default_rng(1)
+    windows = pool.draw(40, 4, rng, augment=True)
+    cloud = draw_clouds(windows, 16, (0.05, 0.05), rng, augment=True)
+    flips = torch.linalg.det(cloud.turn) < 0
+    assert flips.any() and not flips.all()
+    drawn = windows.groups.gather(1, cloud.bones)
+    assert (cloud.groups[~flips] == drawn[~flips]).all()
+    assert (cloud.groups[flips] == torch.tensor([0, 2, 1, 4, 3])[drawn[flips]]).all()
+    centre = known_centre(windows.heads, windows.valid)
+    points = clouds_of(windows.heads, windows.rotations, cloud, centre)
+    size = torch.linalg.det(cloud.turn).abs() ** (1 / 3)
+    plain = clouds_of(windows.heads, windows.rotations, cloud.redrawn(windows, rng), centre)
+    assert plain.shape == points.shape
+    torch.testing.assert_close(
+        cloud.turn @ cloud.turn.mT, torch.eye(3) * size[:, None, None] ** 2, atol=1e-5, rtol=1e-4
+    )
+
+
+def test_redrawn_points_keep_their_groups(pool):
+    rng = np.random.default_rng(2)
+    windows = pool.draw(4, 4, rng, augment=False)
+    cloud = draw_clouds(windows, 30, (0.05, 0.05), rng, augment=False)
+    again = cloud.redrawn(windows, rng)
+    assert (windows.groups.gather(1, again.bones) == windows.groups.gather(1, cloud.bones)).all()
+    assert (again.in_bone != cloud.in_bone).any()
+
+
+def test_yaw_goes_round_the_whole_circle(pool):
+    rng = np.random.default_rng(3)
+    windows = pool.draw(400, 2, rng, augment=False)
+    turn = draw_clouds(windows, 2, (0.05, 0.05), rng, augment=False).turn
+    yaw = torch.atan2(turn[:, 0, 2], turn[:, 0, 0])
+    assert torch.histc(yaw, 8, -np.pi, np.pi).min() > 25
+
+
+def test_interpolated_windows_keep_keys_and_read_nothing_else(pool):
+    rng = np.random.default_rng(5)
+    windows = pool.draw(6, 24, rng, augment=False)
+    known = draw_known(windows.valid.sum(1), 24, 12, rng)
+    heads, rotations = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=30)
+    torch.testing.assert_close(heads[known], windows.heads[known], atol=1e-4, rtol=1e-4)
+    junk = torch.where(known[..., None, None], windows.heads, torch.randn_like(windows.heads))
+    again, _ = interpolate_windows(junk, windows.rotations, windows.parents, known, rate_hz=30)
+    assert (again == heads).all()
+    last = int(known[0].nonzero()[-1])
+    torch.testing.assert_close(heads[0, last + 1 :], heads[0, last].expand_as(heads[0, last + 1 :]))
+
+
+@pytest.mark.parametrize("length", [4, 9, 30, 64])
+def test_masks_always_leave_keys_and_gaps_within_the_clip(length):
+    rng = np.random.default_rng(length)
+    lengths = torch.full((200,), length)
+    known = draw_known(lengths, 64, 32, rng)
+    assert known.any(1).all()
+    assert not known[:, length:].any()
+    assert (~known[:, :length]).any(1).float().mean() > 0.5
