@@ -82,7 +82,7 @@ class Filled:
 
 
 class _Applied(NamedTuple):
-    """Corrections as they are applied at the tokens: turns (N, J, 3) radians, shifts (N, 3) metres, (N,) fell back."""
+    """Corrections as applied at the tokens: turns (N, J, 3) radians, shifts (N, 3) metres, (N,) True: fell back."""
 
     turns: Tensor
     shifts: Tensor

@@ -14,11 +14,15 @@ class Config(DeviceConfig):
 
     input: Path = Field(description="The BVH to fill; rows that are no keyframes are junk and never read.")
     output: Path = Field(description="The BVH to write.")
-    keyframes: str | None = Field(None, description="0,15,40 or every:15 or slices such as 40: and 10:20, joined by commas.")
+    keyframes: str | None = Field(
+        None, description="0,15,40 or every:15 or slices such as 40: and 10:20, joined by commas."
+    )
     transition: str | None = Field(None, description="A:B, frames A to B-1 are missing, all others are keys.")
     predict: int | None = Field(None, description="Append this many frames after the last.")
     times: str | None = Field(None, description="The input's rows are keys alone: their times in seconds.")
-    frames: str | None = Field(None, description="The input's rows are keys alone: their frame numbers in the output.")
+    frames: str | None = Field(
+        None, description="The input's rows are keys alone: their frame numbers in the output."
+    )
     weights: str = Field("tiny", description="A shipped set of weights by name, or a folder that holds ae and lms.")
     fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.")
     points: int = Field(256, description="Points of the cloud.")

@@ -1,0 +1,111 @@
+"""What is asked of `infill`: which frames the output has, which of them are keys, which come back word for word."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import InputError, UsageError
+from stages.inference.keyframes import parse_keyframes, parse_transition
+from stages.infill.config import Config
+
+MOST_FRAMES = 10_000_000
+
+
+@dataclass(frozen=True)
+class Request:
+    """Frames of the output and rows of the input.
+
+    frames:   how many frames the output has.
+    keys:     (K,) int64, strictly rising frames of the output that are given.
+    key_rows: (K,) int64, the input's row of each.
+    kept:     frame -> row, all frames that are copied word for word: keys, and what lies before and after them.
+    notes:    what the user should know, one sentence each.
+    """
+
+    frames: int
+    keys: np.ndarray
+    key_rows: np.ndarray
+    kept: dict[int, int]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def missing(self) -> np.ndarray:
+        """(M,) frames to fill."""
+        return np.setdiff1d(np.arange(self.keys[0], self.frames), np.fromiter(self.kept, np.int64))
+
+
+def request_of(config: Config, rows: int, fps: float) -> Request:
+    """What a config asks of a file of `rows` rows at `fps` frames a second.
+
+    Raises: UsageError where options contradict each other or nothing is to be filled; InputError where frames or
+        times are not in the file.
+    """
+    given = [name for name in ("keyframes", "transition", "times", "frames") if getattr(config, name) is not None]
+    if len(given) > 1:
+        raise UsageError(f"--{given[0]} and --{given[1]} both say which frames are keys.", "Give one of them.")
+    if not given and config.predict is None:
+        raise UsageError("Nothing says which frames are keys.", "Give --keyframes, such as every:15 or 0,15,40.")
+    added = 0 if config.predict is None else config.predict
+    if config.predict is not None and not 1 <= added <= MOST_FRAMES:
+        raise UsageError(f"--predict {added} is no number of frames to append.", "Give 1 or more.")
+    if given and given[0] in ("times", "frames"):
+        return _sparse(config, rows, fps, added)
+    if config.keyframes is not None:
+        keys = parse_keyframes(config.keyframes, rows)
+    elif config.transition is not None:
+        keys = parse_transition(config.transition, rows)
+    else:
+        keys = np.arange(rows)
+    if added and keys[-1] != rows - 1:
+        raise UsageError(
+            f"--predict goes on from the last frame, {rows - 1}, but the last key is {keys[-1]}.",
+            "Name the last frame among the keys, or leave --predict away.",
+        )
+    outside = [*range(keys[0]), *range(keys[-1], rows)]
+    request = Request(rows + added, keys, keys, {int(frame): int(frame) for frame in [*outside, *keys]})
+    if len(request.missing) == 0:
+        raise UsageError("No frame lies between the keys, so there is nothing to fill.", "Name fewer keys.")
+    return request
+
+
+def _sparse(config: Config, rows: int, fps: float, added: int) -> Request:
+    """Keys alone: every row of the input is a key, at the frames or times given."""
+    notes: list[str] = []
+    if config.frames is not None:
+        name, keys = "--frames", _numbers(config.frames, "--frames").astype(np.int64)
+    else:
+        name = "--times"
+        exact = _numbers(config.times or "", name) * fps
+        keys = np.rint(exact).astype(np.int64)
+        worst = int(np.abs(exact - keys).argmax())
+        if abs(exact[worst] - keys[worst]) > 0.05:
+            notes.append(
+                f"Times were moved to the nearest frame; frame {keys[worst]} by "
+                f"{(keys[worst] - exact[worst]) / fps * 1000:+.1f} ms."
+            )
+    if len(keys) != rows:
+        raise InputError(f"{name} names {len(keys)} keys, but the file has {rows} rows.", "Name one for each row.")
+    if keys[0] < 0 or (np.diff(keys) <= 0).any():
+        raise InputError(f"{name} must rise from 0 or more, and no two keys may share a frame.", "Mend the list.")
+    if keys[-1] + added >= MOST_FRAMES:
+        raise InputError(f"{name} asks for {keys[-1] + 1} frames.", f"Stay below {MOST_FRAMES}.")
+    kept = {frame: 0 for frame in range(int(keys[0]))}
+    kept |= {int(frame): row for row, frame in enumerate(keys)}
+    request = Request(int(keys[-1]) + 1 + added, keys, np.arange(rows), kept, tuple(notes))
+    if len(request.missing) == 0:
+        raise UsageError("No frame lies between the keys, so there is nothing to fill.", f"Spread {name} out.")
+    return request
+
+
+def _numbers(text: str, option: str) -> np.ndarray:
+    """Numbers joined by commas; whole ones for --frames."""
+    parts = [part for part in text.replace(",", " ").split() if part]
+    try:
+        values = [float(int(part)) if option == "--frames" else float(part) for part in parts]
+    except ValueError:
+        raise UsageError(f"{option} {text!r} is no list of numbers.", "Write for instance 0,15,40.") from None
+    if not values or not np.isfinite(values).all() or max(map(abs, values)) > MOST_FRAMES:
+        raise UsageError(f"{option} {text!r} is no list of numbers.", "Write for instance 0,15,40.")
+    return np.array(values)

@@ -1,0 +1,187 @@
+"""`pumps infill`: a BVH and its keyframes in, the same BVH with the frames between filled out."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.skeleton import Motion, Skeleton
+from stages.config import StageReport
+from stages.formats.bvh import BvhFile, read_bvh
+from stages.formats.bvh_motion import motion_of, rate_of
+from stages.formats.bvh_write import write_bvh
+from stages.inference.filling import Filled, fill_motion
+from stages.inference.models import Models, load_weights
+from stages.infill.config import Config
+from stages.infill.euler_rows import rows_between_keys
+from stages.infill.request import Request, request_of
+from stages.infill.summary import fallbacks_of, lines_of_fallbacks, lines_of_jumps, warnings_of
+from stages.kinematics.conventions import MODEL_FPS
+from stages.progress import SILENT, Progress
+
+
+class _Region(NamedTuple):
+    """The stretch of the output that is filled: from frame `first`, with the keys that matter to it."""
+
+    first: int
+    frames: int
+    keys: np.ndarray  # frames of the output
+    of_all: np.ndarray  # which of the request's keys these are
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Fill a BVH. Rows that are neither keys nor outside of them are not read.
+
+    Raises: UsageError for options that contradict each other; InputError for a file, frames or weights that are bad.
+    """
+    started = time.perf_counter()
+    _check_output(config)
+    bvh = _read(config)
+    if config.fps_override is not None and not 0 < config.fps_override < 1e6:
+        raise UsageError(f"--fps-override {config.fps_override} is no frame rate.", "Give frames a second.")
+    request = request_of(config, bvh.frames, config.fps_override or rate_of(bvh.frame_time))
+    key_file = bvh.select(request.key_rows)
+    _check_keys_are_read(bvh, key_file.values, request)
+    progress.start("filling", 3)
+    skeleton, key_motion, notes = motion_of(key_file, fps_override=config.fps_override)
+    models = load_weights(config.weights, config.device)
+    progress.advance(note="weights")
+    region = _region_of(request, models.window, key_motion.fps)
+    filled = _fill(skeleton, key_motion, region, models, config)
+    progress.advance(note="filled")
+    values = np.zeros((request.frames, key_file.values.shape[1]))
+    made = rows_between_keys(
+        key_file, skeleton, filled.motion, region.keys - region.first, key_file.values[region.of_all]
+    )
+    values[region.first : region.first + region.frames] = made
+    _write(config.output, write_bvh(bvh, values, request.kept, request.frames))
+    progress.advance(note="written")
+    return _report(config, request, region, skeleton, filled, models, notes, time.perf_counter() - started)
+
+
+def _check_output(config: Config) -> None:
+    if config.output.is_dir():
+        raise UsageError(f"{config.output} is a folder.", "Name the BVH to write.")
+    if config.output.exists() and not config.overwrite:
+        raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it.")
+
+
+def _read(config: Config) -> BvhFile:
+    try:
+        data = config.input.read_bytes()
+    except OSError as error:
+        raise InputError(f"{config.input} cannot be read: {error.strerror}.", "Check the path.") from None
+    sparse = config.times is not None or config.frames is not None
+    return read_bvh(data, str(config.input), keep_unreadable_rows=not sparse)
+
+
+def _check_keys_are_read(bvh: BvhFile, key_values: np.ndarray, request: Request) -> None:
+    bad = np.flatnonzero(~np.isfinite(key_values).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{bvh.name}: row {request.key_rows[bad[0]]}, a keyframe, does not hold {key_values.shape[1]} numbers.",
+            "Mend the row or leave it out of the keyframes.",
+        )
+
+
+def _region_of(request: Request, window: int, fps: float) -> _Region:
+    """Keys further from every missing frame than the models see in one window change nothing: leave them out."""
+    reach = int(np.ceil(window * fps / MODEL_FPS))
+    missing = request.missing
+    keys = request.keys
+    low = max(int(np.searchsorted(keys, missing[0] - reach)), 0)
+    low = min(low, int(np.searchsorted(keys, missing[0])) - 1)
+    after = int(np.searchsorted(keys, missing[-1]))
+    high = min(max(int(np.searchsorted(keys, missing[-1] + reach, side="right")), after + 1), len(keys))
+    of_all = np.arange(low, high)
+    last = max(int(keys[high - 1]), int(missing[-1]))
+    return _Region(int(keys[low]), last - int(keys[low]) + 1, keys[of_all], of_all)
+
+
+def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Models, config: Config) -> Filled:
+    at = region.keys - region.first
+    rotations = np.zeros((region.frames, *key_motion.rotations.shape[1:]), np.float32)
+    rotations[..., 3] = 1.0
+    roots = np.zeros((region.frames, 3), np.float32)
+    tracks = np.zeros((region.frames, *key_motion.tracks.shape[1:]), np.float32)
+    rotations[at], roots[at] = key_motion.rotations[region.of_all], key_motion.root_positions[region.of_all]
+    if len(key_motion.track_joints):
+        tracks[at] = key_motion.tracks[region.of_all]
+    known = np.zeros(region.frames, bool)
+    known[at] = True
+    motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
+    device = models.autoencoder.device
+    return fill_motion(skeleton, motion, known, models, points=config.points, seed=config.seed, device=device)
+
+
+def _write(path: Path, data: bytes) -> None:
+    """A file that exists is a whole file: written beside its place, then moved there."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            os.chmod(draft, 0o666 & ~_umask())
+            os.replace(draft, path)
+        except BaseException:
+            Path(draft).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise PumpsError(f"{path} cannot be written: {error.strerror}.", "Check the folder and its space.") from None
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _report(
+    config: Config,
+    request: Request,
+    region: _Region,
+    skeleton: Skeleton,
+    filled: Filled,
+    models: Models,
+    notes: list[str],
+    seconds: float,
+) -> StageReport:
+    missing = request.missing
+    fallbacks = fallbacks_of(skeleton, filled.plain, region.first, missing - region.first)
+    warnings = [*notes, *request.notes, *warnings_of(skeleton, filled, models.longest_gap)]
+    frames = filled.jump_frames + region.first
+    gap_s = filled.longest_gap_s
+    lines = [f"Note: {note}" for note in warnings]
+    lines.append(
+        f"Filled {len(missing)} of {request.frames} frames from {len(request.keys)} keys in {seconds:.2f} s; "
+        f"the longest gap is {gap_s:.2f} s ({gap_s * filled.motion.fps:.0f} frames)."
+    )
+    lines += lines_of_fallbacks(fallbacks)
+    lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)
+    lines.append(
+        f"Weights {models.name}, trained on {models.trained_on or 'data they do not name'}; "
+        f"licences: {'; '.join(models.licences) or 'none named'}."
+    )
+    figures = {
+        "frames": request.frames,
+        "filled": len(missing),
+        "keys": len(request.keys),
+        "longest_gap_s": gap_s,
+        "seconds": seconds,
+        "warnings": warnings,
+        "fell_back": fallbacks,
+        "velocity_jumps": [
+            {"frame": int(f), "m_per_s": float(a), "plain_m_per_s": float(b)}
+            for f, a, b in zip(frames, filled.jumps_mps, filled.base_jumps_mps, strict=True)
+        ],
+        "points_stray_m": filled.wander_m,
+        "licences": list(models.licences),
+    }
+    return StageReport(output=config.output, lines=lines, figures=figures)
