@@ -42,7 +42,7 @@ def settle_config(stage: Stage, presets: list[str], files: list[str], values: di
     layers = [layer for name in presets for layer in preset_layers(name, stage.name)]
     layers += [file_layer(Path(name), stage.name) for name in files]
     layers.append(Layer(COMMAND_LINE, values))
-    return settle(stage.config_type(), layers, what=command_words(stage))
+    return settle(stage.config_type(), layers, what=command_words(stage), arguments=stage.arguments)
 
 
 def command_words(stage: Stage) -> str:

@@ -33,11 +33,14 @@ class Layer:
     values: Mapping[str, Any]
 
 
-def settle(config_type: type[ConfigT], layers: Sequence[Layer], *, what: str) -> ConfigT:
+def settle(
+    config_type: type[ConfigT], layers: Sequence[Layer], *, what: str, arguments: Sequence[str] = ()
+) -> ConfigT:
     """The config that the layers make together.
 
     Args:
-        what: what the settings are of, for the error ("pumps train ae").
+        what:      what the settings are of, for the error ("pumps train ae").
+        arguments: fields that the command line gives by place, not by flag.
 
     Raises:
         UsageError: unknown keys, wrong types, missing settings; all of them in one message.
@@ -46,7 +49,7 @@ def settle(config_type: type[ConfigT], layers: Sequence[Layer], *, what: str) ->
     try:
         return config_type.model_validate(merged)
     except ValidationError as error:
-        faults = [_fault(config_type, dict(detail), origins) for detail in error.errors()]
+        faults = [_fault(config_type, dict(detail), origins, arguments) for detail in error.errors()]
     raise _as_error(faults, what)
 
 
@@ -116,12 +119,17 @@ def _is_tuple(config_type: type[BaseModel], *path: str) -> bool:
     )
 
 
-def _fault(config_type: type[BaseModel], detail: Mapping[str, Any], origins: Mapping[tuple[str, ...], str]) -> str:
+def _fault(
+    config_type: type[BaseModel],
+    detail: Mapping[str, Any],
+    origins: Mapping[tuple[str, ...], str],
+    arguments: Sequence[str] = (),
+) -> str:
     """One fault in words: the setting as it was spelled where it came from, what it is, what it should be."""
     path = tuple(str(part) for part in detail["loc"])
     origin = next((origins[path[:n]] for n in range(len(path), 0, -1) if path[:n] in origins), None)
     fields = [part for part in path if not part.isdecimal()]
-    flag = "--" + ".".join(fields).replace("_", "-")
+    flag = fields[0].upper() if fields[0] in arguments else "--" + ".".join(fields).replace("_", "-")
     name, place = (flag, "") if origin in (None, COMMAND_LINE) else (".".join(fields), f" in {origin}")
     if detail["type"] == "missing":
         return f"{flag} is missing"

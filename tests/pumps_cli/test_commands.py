@@ -116,6 +116,11 @@ def test_all_faults_are_told_at_once(pumps, recorder: Recorder, tmp_path: Path):
     assert "Traceback" not in ran.err
 
 
+def test_a_missing_argument_is_called_as_help_calls_it(pumps):
+    ran = pumps("infill")
+    assert ran.code == 2 and "INPUT is missing" in ran.err and "--output is missing" in ran.err
+
+
 @pytest.mark.parametrize("text", ["steps = ", "steps = 1\nsteps = 2"])
 def test_a_file_that_is_no_toml_is_bad_input(pumps, tmp_path: Path, text: str):
     file = tmp_path / "mine.toml"
