@@ -1,0 +1,138 @@
+"""What fills the windows: the plain baselines, and models through `fill_motion`."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from data_schemas.errors import UsageError
+from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.skeleton import Motion
+from stages.evaluate.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
+from stages.evaluate.config import Config
+from stages.evaluate.test_set import WindowBatch
+from stages.evaluate.windows import PREDICTION, Task, Window
+from stages.inference.filling import fill_motion
+from stages.inference.models import load_weights, weights_folder
+from stages.networks.device import choose_device
+
+TRUE_CLOUD = "solve-true-cloud"
+RECONSTRUCTED = "-reconstructed"
+PARTS = ("ae", "lms", "train-ae", "train-lms")
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the tables.
+
+    fill: called with a batch and `told`, which it calls after every window; gives positions (B, T, J, 3) and
+        quaternions (B, T, J, 4).
+    """
+
+    name: str
+    fill: Callable[[WindowBatch, Poses, Callable[[], None]], Filled]
+
+
+@dataclass(frozen=True)
+class LoadedWeights:
+    """Weights as the user named them."""
+
+    name: str
+    source: str
+    models: Any
+
+    def artefacts(self) -> list[Path]:
+        """The checkpoints that the weights lie in."""
+        folder = weights_folder(self.source)
+        return [folder / part for part in PARTS if (folder / part / MANIFEST_NAME).is_file()]
+
+
+def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list[Method]:
+    """All methods of a task's table, the plain ones first."""
+    plain = PREDICTION_BASELINES if task.name == PREDICTION else BASELINES
+    methods = [Method(name, _plain_fill(function)) for name, function in plain.items()]
+    methods += [Method(w.name, _model_fill(w.models, "synthesised", config)) for w in loaded]
+    if config.breakdown:
+        methods += [
+            Method(w.name + RECONSTRUCTED, _model_fill(w.models, "reconstructed", config)) for w in loaded
+        ]
+        methods.append(Method(TRUE_CLOUD, _model_fill(None, "true", config)))
+    return methods
+
+
+def load_all(config: Config) -> list[LoadedWeights]:
+    """Load each of `config.weights`. Raises UsageError where two methods would share a name."""
+    taken = {*BASELINES, *PREDICTION_BASELINES, TRUE_CLOUD, "truth"}
+    loaded = []
+    for text in config.weights:
+        name, source = named_source(text)
+        if name in taken:
+            raise UsageError(f"Two methods are called {name!r}.", f"Give another name: --weights NAME={source}.")
+        taken |= {name, name + RECONSTRUCTED}
+        loaded.append(LoadedWeights(name, source, load_weights(source, config.device)))
+    return loaded
+
+
+def named_source(text: str) -> tuple[str, str]:
+    """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part."""
+    name, equals, source = text.partition("=")
+    if not equals:
+        return Path(text).name or text, text
+    if not name or not source:
+        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
+    return name, source
+
+
+def without_answers(motion: Motion, known: np.ndarray) -> Motion:
+    """The motion with every row that is not known replaced by junk: what is not there cannot leak."""
+    rotations, roots, tracks = (np.array(a) for a in (motion.rotations, motion.root_positions, motion.tracks))
+    rotations[~known] = [0, 0, 0, 1]
+    roots[~known] = 0
+    tracks[~known] = 0
+    return replace(motion, rotations=rotations, root_positions=roots, tracks=tracks)
+
+
+def window_seed(seed: int, window: Window) -> int:
+    """The seed of a window's draws: its own, and the same in whatever order windows are filled."""
+    parts = [seed, zlib.crc32(window.clip.encode("utf-8", "surrogateescape")), window.start]
+    return int(np.random.SeedSequence(parts).generate_state(1)[0])
+
+
+def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
+    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Filled:
+        filled = function(poses, batch.known)
+        for _ in batch.windows:
+            told()
+        return filled
+
+    return fill
+
+
+def _model_fill(models: Any, cloud: Literal["synthesised", "reconstructed", "true"], config: Config):
+    device = choose_device(config.device)
+
+    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Filled:
+        motions = []
+        for window, motion in zip(batch.windows, batch.motions, strict=True):
+            given = without_answers(motion, batch.known) if cloud == "synthesised" else motion
+            filled = fill_motion(
+                batch.skeleton,
+                given,
+                batch.known,
+                models,
+                cloud=cloud,
+                points=config.points,
+                seed=window_seed(config.seed, window),
+                device=device,
+            )
+            motions.append(filled.motion)
+            told()
+        result = Poses.of(batch.skeleton, motions)
+        return result.positions.numpy(), result.rotations.numpy()
+
+    return fill

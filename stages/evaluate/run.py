@@ -1,0 +1,193 @@
+"""`pumps evaluate`: fill windows of clips whose truth is known, and measure (DESIGN 7; docs/evaluation.md)."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+
+from data_schemas.artefact import write_artefact
+from data_schemas.errors import InputError
+from data_schemas.manifest import open_artefact
+from data_schemas.metrics import MetricRow, write_metrics
+from data_schemas.motion import MotionReader
+from stages.config import StageReport
+from stages.evaluate.baselines import Filled
+from stages.evaluate.config import Config
+from stages.evaluate.measuring import (
+    POWER_WEIGHTED,
+    Figures,
+    Truth,
+    hip_joints,
+    keys_beside_gaps,
+    measure,
+    measure_lafan1,
+    measured_joints,
+    position_deviation,
+)
+from stages.evaluate.methods import LoadedWeights, load_all, methods_for
+from stages.evaluate.metrics import key_jump_mm
+from stages.evaluate.summary import summary_md
+from stages.evaluate.tables import cells, terminal_lines
+from stages.evaluate.test_set import TestSet, WindowBatch
+from stages.evaluate.windows import CONTEXT, INTERPOLATION, LAFAN1_CONTEXT, PREDICTION, TRANSITION, Task, Window
+from stages.progress import SILENT, Progress
+
+TRUTH = "truth"
+
+
+@dataclass
+class _Tally:
+    """Values and weights of a clip's windows, per method and metric."""
+
+    values: dict[tuple[str, str, str], list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, windows: Iterable[Window], method: str, figures: Figures) -> None:
+        for metric, (values, weights) in figures.items():
+            for window, value, weight in zip(windows, values, weights, strict=True):
+                if np.isfinite(value):
+                    self.values[window.clip, method, metric].append((float(value), float(weight)))
+
+
+@dataclass
+class _Statistics:
+    """The lafan1 protocol's deviations, made once for each skeleton."""
+
+    test_set: TestSet
+    made: dict[str, np.ndarray] = field(default_factory=dict)
+    borrowed: list[str] = field(default_factory=list)
+
+    def of(self, batch: WindowBatch, joints: np.ndarray, across: np.ndarray) -> np.ndarray:
+        if batch.skeleton_id not in self.made:
+            windows, of_training = self.test_set.statistics_windows(batch.skeleton_id)
+            self.made[batch.skeleton_id] = position_deviation(windows, joints, across, batch.skeleton.root)
+            if not of_training:
+                self.borrowed.append(batch.skeleton_id)
+        return self.made[batch.skeleton_id]
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Measure every method on every task and write a `metrics` artefact.
+
+    Raises:
+        InputError: the motion artefact is bad, or has no clip of the wanted splits that is long enough.
+        UsageError: two methods share a name.
+    """
+    motion = open_artefact(config.motion, "motion")
+    with MotionReader(motion) as reader:
+        test_set = TestSet(reader, config.splits)
+        plan = _plan(test_set, config)
+        loaded = load_all(config)
+        statistics = _Statistics(test_set)
+        total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
+        progress.start("Filling windows", total)
+        rows: list[MetricRow] = []
+        for archive, group in groupby(plan, key=lambda step: step[0]):
+            for _, task, windows in group:
+                tally = _measure_task(test_set, task, windows, loaded, statistics, config, progress)
+                rows += _rows(reader, archive, task, tally)
+            test_set.forget()
+    found = cells(rows, config.seed)
+    inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
+    with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
+        draft.summary.update(_counts(rows, plan))
+        write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, loaded, statistics.borrowed))
+    lines = [*terminal_lines(found), f"Full tables: {config.output}, summary.md (pumps report draws them)."]
+    return StageReport(output=config.output, lines=lines, figures=_counts(rows, plan))
+
+
+def tasks_of(config: Config) -> list[Task]:
+    """The tasks that a config asks for, in its order."""
+    context = LAFAN1_CONTEXT if config.protocol == "lafan1" else (CONTEXT, CONTEXT)
+    lengths = {INTERPOLATION: config.intervals, TRANSITION: config.transitions, PREDICTION: config.predictions}
+    return [
+        Task(name, interval, config.window, context)
+        for name in dict.fromkeys(config.tasks)
+        for interval in dict.fromkeys(lengths[name])
+    ]
+
+
+def _plan(test_set: TestSet, config: Config) -> list[tuple[str, Task, list[Window]]]:
+    plan = []
+    for archive in test_set.archives:
+        for task in tasks_of(config):
+            windows = test_set.windows(archive, task, config.max_windows)
+            if windows:
+                plan.append((archive, task, windows))
+    if not plan:
+        raise InputError(
+            f"No clip of {config.motion} in the split {' or '.join(config.splits)} is long enough to be measured.",
+            "Clips need 46 frames at 30 fps, and a transition its whole window; ask for shorter --transitions.",
+        )
+    return plan
+
+
+def _measure_task(
+    test_set: TestSet,
+    task: Task,
+    windows: list[Window],
+    loaded: list[LoadedWeights],
+    statistics: _Statistics,
+    config: Config,
+    progress: Progress,
+) -> _Tally:
+    tally = _Tally()
+    methods = methods_for(task, loaded, config)
+    for batch in test_set.batches(task, windows):
+        poses = batch.poses()
+        joints = measured_joints(batch.skeleton)
+        truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)
+        if config.protocol == "pumps":
+            jumps = key_jump_mm(truth.positions[:, :, joints], keys_beside_gaps(batch.known))
+            tally.add(batch.windows, TRUTH, {"key_jump_mm": (jumps, np.ones(len(jumps)))})
+        for method in methods:
+            label = f"{method.name}, {task.name} {task.interval}"
+            filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
+            tally.add(batch.windows, method.name, _figures(filled, truth, batch, joints, statistics, config))
+    return tally
+
+
+def _figures(
+    filled: Filled, truth: Truth, batch: WindowBatch, joints: np.ndarray, statistics: _Statistics, config: Config
+) -> Figures:
+    positions, rotations = filled
+    if config.protocol == "pumps":
+        return measure(positions, rotations, truth, joints)
+    across = hip_joints(batch.skeleton)
+    deviation = statistics.of(batch, joints, across)
+    return measure_lafan1(positions, rotations, truth, joints, across, deviation)
+
+
+def _rows(reader: MotionReader, archive: str, task: Task, tally: _Tally) -> list[MetricRow]:
+    rows = []
+    for (clip, method, metric), pairs in tally.values.items():
+        values, weights = np.array(pairs).T
+        total = weights.sum()
+        rows.append(
+            MetricRow(
+                clip=clip,
+                skeleton=reader.row(clip).skeleton,
+                archive=archive,
+                method=method,
+                task=task.name,
+                interval=task.interval,
+                metric=metric,
+                value=float((values * weights).sum() / total) if total > 0 else float(values.mean()),
+                weight=float(total) if metric in POWER_WEIGHTED else 1.0,
+                windows=len(values),
+            )
+        )
+    return rows
+
+
+def _counts(rows: list[MetricRow], plan: list[tuple[str, Task, list[Window]]]) -> dict[str, object]:
+    windows = {f"{archive}, {task.name} {task.interval}": len(chosen) for archive, task, chosen in plan}
+    return {
+        "clips": len({row.clip for row in rows}),
+        "skeletons": len({row.skeleton for row in rows}),
+        "methods": list(dict.fromkeys(row.method for row in rows if row.method != TRUTH)),
+        "windows": windows,
+    }

@@ -1,0 +1,82 @@
+"""`summary.md`: what was measured, how, and the tables."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+
+from data_schemas.manifest import Artefact
+from data_schemas.metrics import MetricRow
+from stages.evaluate.config import Config
+from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
+from stages.evaluate.tables import Cell, Key, overview, task_tables
+
+LEGEND = (
+    "Each cell: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) on the "
+    "same windows. Lower is better. In the header: the windows and clips measured."
+)
+
+
+def summary_md(
+    config: Config,
+    motion: Artefact,
+    rows: list[MetricRow],
+    found: dict[Key, Cell],
+    loaded: list[LoadedWeights],
+    borrowed_statistics: list[str],
+) -> str:
+    """The whole Markdown page."""
+    methods = dict.fromkeys(row.method for row in rows)
+    parts = [
+        "# Evaluation\n",
+        f"{len({row.clip for row in rows})} clips of the split {', '.join(config.splits)} from the motion artefact "
+        f"`{motion.manifest.digest[:16]}`, at 30 frames a second; {len({r.skeleton for r in rows})} skeletons; "
+        f"{_windows_text(config)}; seed {config.seed}; protocol `{config.protocol}` (docs/evaluation.md defines "
+        "every figure).\n",
+        f"Made by:\n\n```\n{command_line(config)}\n```\n",
+        *_method_notes(list(methods), loaded),
+    ]
+    if borrowed_statistics:
+        parts.append(
+            "No training clip is on the skeletons "
+            f"{', '.join(borrowed_statistics)}: the LaFAN1 statistics are those of their measured clips.\n"
+        )
+    parts += [overview(found), LEGEND + "\n", task_tables(found)]
+    return "\n".join(parts)
+
+
+def command_line(config: Config) -> str:
+    """The command that repeats this evaluation; only what differs from the defaults."""
+    return " ".join(["pumps evaluate", *_flags(config)])
+
+
+def _flags(config: Config) -> Iterator[str]:
+    for name, field in Config.model_fields.items():
+        value = getattr(config, name)
+        if value == field.default:
+            continue
+        flag = f"--{name.replace('_', '-')}"
+        if isinstance(value, bool):
+            yield flag if value else f"--no-{flag[2:]}"
+        else:
+            for item in value if isinstance(value, tuple) else (value,):
+                yield f"{flag} {shlex.quote(str(item))}"
+
+
+def _windows_text(config: Config) -> str:
+    if not config.max_windows:
+        return "all windows"
+    return f"at most {config.max_windows} windows for each archive and task"
+
+
+def _method_notes(methods: list[str], loaded: list[LoadedWeights]) -> Iterator[str]:
+    notes = [f"- `{w.name}`: weights `{w.source}`." for w in loaded]
+    if any(method.endswith(RECONSTRUCTED) for method in methods):
+        notes.append(
+            f"- `…{RECONSTRUCTED}`: the solve on the autoencoder's reconstruction of the true cloud, nothing masked: "
+            "what is lost without the synthesiser."
+        )
+    if TRUE_CLOUD in methods:
+        notes.append(f"- `{TRUE_CLOUD}`: the solve on the true cloud, no network: what the solve alone loses.")
+    if notes:
+        yield "\n".join(notes) + "\n"

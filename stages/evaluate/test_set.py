@@ -1,0 +1,130 @@
+"""The clips that are measured: chosen by split, read at 30 fps, cut into windows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from data_schemas.errors import InputError
+from data_schemas.motion import ClipRow, MotionReader
+from data_schemas.skeleton import Motion, Skeleton
+from stages.evaluate.baselines import Poses
+from stages.evaluate.windows import Task, Window, chosen_windows, clip_windows
+from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.forward import positions_of
+from stages.kinematics.resampling import resample, resampled_frames
+
+BATCH_WINDOWS = 64
+STATISTICS_CLIPS = 200  # read for the training statistics of the lafan1 protocol, per skeleton
+STATISTICS_WINDOW, STATISTICS_STRIDE = 50, 20  # that benchmark's own
+
+
+@dataclass(frozen=True)
+class WindowBatch:
+    """Windows of one skeleton and one length, for one task."""
+
+    skeleton_id: str
+    skeleton: Skeleton
+    windows: tuple[Window, ...]
+    motions: tuple[Motion, ...]
+    known: np.ndarray
+
+    def poses(self) -> Poses:
+        """The true windows."""
+        return Poses.of(self.skeleton, list(self.motions))
+
+
+def archive_of(row: ClipRow) -> str:
+    """The data set that a clip is from: its archive, or the folder of a loose file."""
+    source = row.source.replace("\\", "/")
+    if "!" in source:
+        source = source.split("!", 1)[0]
+        return source.rsplit("/", 1)[-1].removesuffix(".zip")
+    folder = source.rsplit("/", 1)[0] if "/" in source else ""
+    return folder.rsplit("/", 1)[-1] or "files"
+
+
+class TestSet:
+    """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured."""
+
+    __test__ = False  # no test case, though pytest thinks so of the name
+
+    def __init__(self, reader: MotionReader, splits: Sequence[str]):
+        self._reader = reader
+        self._cache: dict[str, Motion] = {}
+        rows = [row for row in reader.clips if row.split in splits]
+        if not rows:
+            found = ", ".join(f"{count} {split}" for split, count in Counter(r.split for r in reader.clips).items())
+            raise InputError(
+                f"{reader.artefact.path} has no clip of the split {' or '.join(splits)}.",
+                f"It holds {found or 'no clips'}; name one of these with --splits.",
+            )
+        self.archives: dict[str, list[ClipRow]] = {}
+        for row in sorted(rows, key=lambda row: (archive_of(row), row.clip)):
+            self.archives.setdefault(archive_of(row), []).append(row)
+
+    def windows(self, archive: str, task: Task, limit: int) -> list[Window]:
+        """The windows to measure; the same for every method."""
+        lengths = {row.clip: resampled_frames(row.frames, row.fps, MODEL_FPS) for row in self.archives[archive]}
+        return chosen_windows([clip_windows(clip, frames, task) for clip, frames in lengths.items()], limit)
+
+    def batches(self, task: Task, windows: Sequence[Window]) -> Iterator[WindowBatch]:
+        """The windows' true motions, batched by skeleton and length."""
+        groups: dict[tuple[str, int], list[Window]] = {}
+        for window in windows:
+            groups.setdefault((self._reader.row(window.clip).skeleton, window.frames), []).append(window)
+        for (skeleton_id, frames), members in groups.items():
+            for first in range(0, len(members), BATCH_WINDOWS):
+                part = tuple(members[first : first + BATCH_WINDOWS])
+                yield WindowBatch(
+                    skeleton_id,
+                    self._reader.skeleton(skeleton_id),
+                    part,
+                    tuple(self._cut(window) for window in part),
+                    task.known(frames),
+                )
+
+    def forget(self) -> None:
+        """Drop the clips in memory."""
+        self._cache.clear()
+
+    def statistics_windows(self, skeleton_id: str) -> tuple[np.ndarray, bool]:
+        """(N, 50, J, 3) positions for the training statistics of a skeleton, and whether they are of training clips.
+
+        A skeleton with no training clip lends its own measured ones.
+        """
+        own = [row for row in self._reader.clips if row.skeleton == skeleton_id]
+        training = [row for row in own if row.split == "train"]
+        rows = training or own
+        picks = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), STATISTICS_CLIPS)).round().astype(int))
+        skeleton = self._reader.skeleton(skeleton_id)
+        cut: list[np.ndarray] = []
+        for pick in picks:
+            positions = positions_of(skeleton, self._at_model_rate(rows[pick].clip))
+            starts = range(0, len(positions) - STATISTICS_WINDOW + 1, STATISTICS_STRIDE)
+            cut += [positions[start : start + STATISTICS_WINDOW] for start in starts]
+        if not cut:
+            raise InputError(
+                f"{self._reader.artefact.path} has no clip of {STATISTICS_WINDOW} frames at 30 fps on the skeleton "
+                f"{skeleton_id}, from which the lafan1 protocol takes its statistics.",
+                "Use --protocol pumps, which needs none.",
+            )
+        return np.stack(cut), bool(training)
+
+    def _cut(self, window: Window) -> Motion:
+        if window.clip not in self._cache:
+            self._cache[window.clip] = self._at_model_rate(window.clip)
+        motion = self._cache[window.clip]
+        span = slice(window.start, window.start + window.frames)
+        return replace(
+            motion,
+            rotations=motion.rotations[span],
+            root_positions=motion.root_positions[span],
+            tracks=motion.tracks[span] if len(motion.track_joints) else np.zeros((window.frames, 0, 3), np.float32),
+        )
+
+    def _at_model_rate(self, clip: str) -> Motion:
+        return resample(self._reader.motion(clip), MODEL_FPS)

@@ -1,0 +1,215 @@
+"""The stage on a small artefact: rows, summary, determinism, protocols, errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
+
+from data_schemas.artefact import open_artefact, write_artefact
+from data_schemas.errors import InputError, UsageError
+from data_schemas.metrics import read_metrics
+from data_schemas.motion import ClipRow, MotionWriter
+from data_schemas.skeleton import Motion, Skeleton
+from stages.evaluate import methods
+from stages.evaluate.baselines import BASELINES, Poses
+from stages.evaluate.config import Config
+from stages.evaluate.measuring import (
+    facing_turn,
+    hip_joints,
+    measured_joints,
+    position_deviation,
+    turned_quaternions,
+    turned_vectors,
+)
+from stages.evaluate.methods import named_source, window_seed, without_answers
+from stages.evaluate.run import run
+from stages.evaluate.test_set import archive_of
+from stages.evaluate.windows import Window
+
+NAMES = ("world", "hips", "chest", "head", "arm.L", "arm.R", "leg.L", "leg.R", "twist")
+SPINE = [[0, 0, 0], [0, 0.9, 0], [0, 0.3, 0], [0, 0.3, 0]]
+LIMBS = [[0.2, 0.2, 0], [-0.2, 0.2, 0], [0.1, 0, 0], [-0.1, 0, 0], [0, 0, 0]]
+OFFSETS = np.array(SPINE + LIMBS)
+
+
+def skeleton(size: float = 1.0) -> Skeleton:
+    tails = np.full((9, 3), [0, 0.3, 0]) * size
+    tails[0] = tails[8] = 0
+    return Skeleton(
+        names=NAMES,
+        parents=np.array([-1, 0, 1, 2, 2, 2, 1, 1, 4], np.int32),
+        offsets=OFFSETS * size,
+        tails=tails,
+        groups=np.array([-1, 0, 0, 0, 1, 2, 3, 4, 1], np.int8),
+        sampled=np.array([0, 1, 1, 1, 1, 1, 1, 1, 0], bool),
+        root=1,
+    )
+
+
+def swaying(seed: int, frames: int, fps: float = 30.0) -> Motion:
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames)[:, None, None] / fps
+    rotvecs = 0.6 * np.sin(rng.uniform(1, 6, (1, 9, 3)) * t + rng.uniform(0, 6, (1, 9, 3)))
+    rotvecs[:, 0] = 0
+    rotations = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_quat().reshape(frames, 9, 4).astype(np.float32)
+    path = np.concatenate([0.8 * t, 0.9 + 0.05 * np.sin(4 * t), 0.3 * np.cos(t)], axis=2).astype(np.float32)
+    return Motion(rotations, np.zeros((frames, 3), np.float32), fps, np.array([1], np.int32), path)
+
+
+@pytest.fixture(scope="module")
+def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("evaluate") / "motions"
+    clips = [
+        ("one", "set-1.zip!a/one.bvh", 300, 30.0, "test", 1.0),
+        ("two", "set-1.zip!a/two.bvh", 125, 30.0, "test", 1.0),
+        ("brief", "set-1.zip!a/brief.bvh", 60, 30.0, "test", 1.0),
+        ("tiny", "set-1.zip!a/tiny.bvh", 30, 30.0, "test", 1.0),
+        ("fast", "data/set-2/fast.bvh", 600, 120.0, "test", 0.7),
+        ("seen", "set-1.zip!a/seen.bvh", 200, 30.0, "train", 1.0),
+    ]
+    with (
+        write_artefact(path, "motion", stage="ingest", config={}, licences=["a licence"]) as draft,
+        MotionWriter(draft.folder) as writer,
+    ):
+        for seed, (clip, source, frames, fps, split, size) in enumerate(clips):
+            name = writer.add_skeleton(skeleton(size))
+            row = ClipRow(clip, source, "0" * 64, name, frames, fps, frames / fps, split, "a licence")
+            writer.add_clip(row, swaying(seed, frames, fps))
+    return path
+
+
+def test_the_stage_writes_rows_and_a_summary(motions: Path, tmp_path: Path) -> None:
+    config = Config(motion=motions, output=tmp_path / "metrics", max_windows=4)
+    report = run(config)
+    rows, summary = read_metrics(config.output)
+    by_key = {(r.clip, r.task, r.interval, r.metric, r.method): r for r in rows}
+    assert by_key["one", "interpolation", 15, "l2p_m", "slerp"].windows == 2
+    assert by_key["brief", "interpolation", 15, "l2p_m", "slerp"].windows == 1
+    assert ("brief", "transition", 60, "l2p_m", "slerp") not in by_key
+    assert not any(row.clip in ("tiny", "seen") for row in rows)
+    assert {row.archive for row in rows} == {"set-1", "set-2"}
+    errors = [by_key["one", "interpolation", i, "l2p_m", "slerp"].value for i in (5, 15, 30)]
+    assert 0 < errors[0] < errors[1] < errors[2]
+    assert by_key["one", "interpolation", 15, "l2p_m", "cubic"].value < errors[1]
+    assert {r.method for r in rows if r.task == "prediction"} == {"zero-velocity", "constant-velocity", "truth"}
+    assert {r.metric for r in rows if r.method == "truth"} == {"key_jump_mm"}
+    assert all(r.weight == 1 for r in rows if r.metric != "npss")
+    assert "pumps evaluate --motion" in summary and "--max-windows 4" in summary and "windows of 3 clips" in summary
+    assert report.figures["windows"]["set-1, interpolation 15"] == 4
+    assert open_artefact(config.output).manifest.licences == ["a licence"]
+    assert report.lines[0].startswith("Interpolation")
+
+
+def test_the_same_config_gives_the_same_bytes(motions: Path, tmp_path: Path) -> None:
+    digests = set()
+    for _ in range(2):
+        config = Config(motion=motions, output=tmp_path / "metrics", tasks=("interpolation",), intervals=(15,))
+        run(config)
+        digests.add(open_artefact(config.output).manifest.digest)
+    assert len(digests) == 1
+
+
+def test_the_solve_on_the_true_cloud_beats_slerp(motions: Path, tmp_path: Path) -> None:
+    only = {"tasks": ("interpolation",), "intervals": (30,), "max_windows": 1}
+    config = Config(motion=motions, output=tmp_path / "m", breakdown=True, **only)
+    run(config)
+    rows, _ = read_metrics(config.output)
+    value = {(r.archive, r.method): r.value for r in rows if r.metric == "l2p_m"}
+    assert value["set-1", methods.TRUE_CLOUD] < 0.6 * value["set-1", "slerp"]
+
+
+def test_the_lafan1_protocol_names_its_own_figures(motions: Path, tmp_path: Path) -> None:
+    only = {"tasks": ("transition",), "transitions": (5, 15)}
+    config = Config(motion=motions, output=tmp_path / "m", protocol="lafan1", **only)
+    run(config)
+    rows, summary = read_metrics(config.output)
+    assert {row.metric for row in rows} == {"l2p_lafan1", "l2q_lafan1", "npss_lafan1"}
+    assert all(np.isfinite(row.value) for row in rows)
+    assert "the LaFAN1 statistics are those of their measured clips" in summary  # set-2 has no training clip
+
+
+def test_clear_errors(motions: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no clip of the split val"):
+        run(Config(motion=motions, output=tmp_path / "m", splits=("val",)))
+    with pytest.raises(InputError, match="long enough"):
+        run(Config(motion=motions, output=tmp_path / "m", tasks=("transition",), transitions=(900,)))
+    with pytest.raises(ValidationError, match="must name some of"):
+        Config(motion=motions, output=tmp_path / "m", tasks=("filling",))
+    with pytest.raises(ValidationError, match="1 or more"):
+        Config(motion=motions, output=tmp_path / "m", intervals=(0,))
+    with pytest.raises(UsageError, match="Two methods are called 'slerp'"):
+        run(Config(motion=motions, output=tmp_path / "m", weights=("slerp=nowhere",)))
+    with pytest.raises(UsageError, match="NAME=FOLDER"):
+        named_source("=x")
+    assert not (tmp_path / "m").exists()
+
+
+def test_rows_that_are_not_known_are_junk_before_a_model_sees_them() -> None:
+    motion = swaying(0, 40)
+    known = np.arange(40) % 10 == 0
+    given = without_answers(motion, known)
+    np.testing.assert_array_equal(given.rotations[known], motion.rotations[known])
+    np.testing.assert_array_equal(given.tracks[known], motion.tracks[known])
+    assert (given.rotations[~known] == [0, 0, 0, 1]).all() and (given.tracks[~known] == 0).all()
+    assert motion.rotations[1, 2, 0] != 0
+
+
+def test_window_seeds_differ_by_window_and_repeat() -> None:
+    seeds = [window_seed(0, Window(clip, start, 121)) for clip in "ab" for start in (0, 121)]
+    assert len(set(seeds)) == 4
+    assert window_seed(0, Window("a", 0, 121)) == seeds[0]
+    assert window_seed(1, Window("a", 0, 121)) != seeds[0]
+
+
+@pytest.mark.parametrize(
+    ("source", "archive"),
+    [("x/bandai.zip!a/b.bvh", "bandai"), ("data/cmu/a.bvh", "cmu"), ("a.bvh", "files"), ("C:\\d\\e\\f.bvh", "e")],
+)
+def test_archives_are_named_by_where_a_clip_is_from(source: str, archive: str) -> None:
+    row = ClipRow("c", source, "0" * 64, "s", 10, 30.0, 0.3, "test", "")
+    assert archive_of(row) == archive
+
+
+def test_passthrough_and_zero_length_joints_do_not_count() -> None:
+    assert [NAMES[j] for j in measured_joints(skeleton())] == list(NAMES[1:8])
+    assert [NAMES[j] for j in hip_joints(skeleton())] == ["leg.L", "leg.R"]
+
+
+def test_facing_is_undone() -> None:
+    poses = Poses.of(skeleton(), [swaying(1, 20)])
+    positions, rotations = poses.positions.numpy(), poses.rotations.numpy()
+    across = hip_joints(skeleton())
+    straight = turned_vectors(facing_turn(positions[:, 5], across), positions)
+    hips = straight[0, 5, across[0]] - straight[0, 5, across[1]]
+    assert hips[2] == pytest.approx(0, abs=1e-6) and hips[0] > 0
+    for angle in (0.4, 2.0, -3.0):
+        turn = Rotation.from_rotvec([[0, angle, 0]])
+        turned, spun = turned_vectors(turn, positions), turned_quaternions(turn, rotations)
+        again = facing_turn(turned[:, 5], across)
+        np.testing.assert_allclose(turned_vectors(again, turned), straight, atol=1e-6)
+        both = turned_quaternions(again, spun)
+        first = turned_quaternions(facing_turn(positions[:, 5], across), rotations)
+        np.testing.assert_allclose(np.abs((both * first).sum(-1)), 1, atol=1e-6)
+
+
+def test_training_deviations_do_not_depend_on_place_or_heading() -> None:
+    poses = Poses.of(skeleton(), [swaying(s, 50) for s in range(4)])
+    positions, joints, across = poses.positions.numpy(), measured_joints(skeleton()), hip_joints(skeleton())
+    deviation = position_deviation(positions, joints, across, 1)
+    turn = Rotation.from_rotvec(np.array([0.3, -2, 1, 3])[:, None] * [0, 1, 0])
+    moved = turned_vectors(turn, positions) + np.arange(4)[:, None, None, None] * [3.0, 0, -2]
+    np.testing.assert_allclose(position_deviation(moved, joints, across, 1), deviation, atol=1e-5)
+    assert deviation.shape == (7, 3) and (deviation > 0).all()
+
+
+def test_methods_see_the_truth_of_their_keys_only() -> None:
+    poses = Poses.of(skeleton(), [swaying(2, 61)])
+    known = np.arange(61) % 15 == 0
+    blind = Poses.of(skeleton(), [replace(without_answers(swaying(2, 61), known))])
+    for fill in BASELINES.values():
+        np.testing.assert_array_equal(fill(poses, known)[0], fill(blind, known)[0])
