@@ -43,14 +43,15 @@ class Player {
     this.playing = false;
     this.time = 0;
     this.options = { ghosts: true, truth: false, follow: true, loop: true, overlay: false, speed: 1 };
-    this.buildControls();
+    const select = this.buildControls();
     this.listenToPointer();
     this.listenToKeys();
-    this.choose(0);
+    const linked = (name, otherwise) => Number((new RegExp(`${name}=(\\d+)`).exec(location.hash) || [0, otherwise])[1]);
+    select.value = Math.min(linked("scene", 0), this.scenes.length - 1);
+    this.choose(Number(select.value));
     new ResizeObserver(() => this.draw()).observe(this.canvas.parentElement);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
-    const linked = /frame=(\d+)/.exec(location.hash);
-    if (linked) this.seek(Number(linked[1]));
+    if (/frame=/.test(location.hash)) this.seek(linked("frame", 0));
     else if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.play(true);
   }
 
@@ -60,7 +61,7 @@ class Player {
     const first = this.first = this.scene.motions[0];
     this.errors = this.scene.motions.slice(1).map((m) => m.distancesTo(first));
     this.camera.target = [0, this.scene.floor + 0.52 * this.scene.height, 0];
-    this.camera.distance = 2.5 * this.scene.height;
+    this.camera.distance = 2.15 * this.scene.height;
     this.time = 0;
     byId("legend").innerHTML = "";
     this.scene.motions.forEach((m, i) => {
@@ -134,6 +135,7 @@ class Player {
     for (const button of document.querySelectorAll("[data-view]")) {
       button.onclick = () => { this.camera.preset(button.dataset.view); this.draw(); };
     }
+    return select;
   }
 
   listenToPointer() {

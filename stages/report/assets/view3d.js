@@ -69,20 +69,7 @@ function drawGround(ctx, project, centre, floor, colour) {
 }
 
 function drawShadow(ctx, project, motion, frame, floor, colour) {
-  ctx.strokeStyle = colour;
-  ctx.lineCap = "round";
-  ctx.globalAlpha = 0.35;
-  for (const [a, b, , thin] of motion.edges) {
-    if (thin) continue;
-    const p = motion.at(frame, a), q = motion.at(frame, b);
-    const s = project(p[0], floor, p[2]), t = project(q[0], floor, q[2]);
-    ctx.lineWidth = Math.max(1, 0.05 * s[2]);
-    ctx.beginPath();
-    ctx.moveTo(s[0], s[1]);
-    ctx.lineTo(t[0], t[1]);
-    ctx.stroke();
-  }
-  ctx.globalAlpha = 1;
+  strokeAll(ctx, motion, (node) => { const p = motion.at(frame, node); return project(p[0], floor, p[2]); }, colour, 0.3, 0.07);
 }
 
 function drawTrail(ctx, project, motion, keys, floor, colours) {
@@ -113,18 +100,25 @@ function diamond(ctx, x, y, size) {
 
 // A whole figure in one faint colour: a keyframe's ghost, or the truth behind a result.
 function drawGhost(ctx, project, motion, frame, colour, alpha) {
+  strokeAll(ctx, motion, (node) => project(...motion.at(frame, node)), colour, alpha, 0.026);
+}
+
+// All bones in one stroke, so that a faint colour does not add up where they meet.
+function strokeAll(ctx, motion, place, colour, alpha, width) {
   ctx.strokeStyle = colour;
   ctx.globalAlpha = alpha;
   ctx.lineCap = ctx.lineJoin = "round";
-  for (const [a, b, group, thin] of motion.edges) {
+  ctx.beginPath();
+  let scale = 0;
+  for (const [a, b, , thin] of motion.edges) {
     if (thin) continue;
-    const s = project(...motion.at(frame, a)), t = project(...motion.at(frame, b));
-    ctx.lineWidth = Math.max(1, 0.5 * BONE_M[group] * (s[2] + t[2]) / 2);
-    ctx.beginPath();
+    const s = place(a), t = place(b);
+    scale = Math.max(scale, s[2]);
     ctx.moveTo(s[0], s[1]);
     ctx.lineTo(t[0], t[1]);
-    ctx.stroke();
   }
+  ctx.lineWidth = Math.max(1, width * scale);
+  ctx.stroke();
   ctx.globalAlpha = 1;
 }
 
@@ -150,7 +144,7 @@ function drawFigure(ctx, project, motion, frame, colours, single) {
     ctx.lineWidth = width;
     ctx.stroke();
     if (head) ball(ctx, s, t, scale, colour, colours.rim);
-    if (!thin) {
+    if (!thin && !head) {
       ctx.fillStyle = colours.joint;
       for (const end of [s, t]) {
         ctx.beginPath();
