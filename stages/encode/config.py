@@ -15,4 +15,5 @@ class Config(DeviceConfig):
     tpc: Path = Field(description="The tpc artefact.")
     ae: Path = Field(description="The autoencoder's checkpoint artefact.")
     output: Path = Field(description="Folder of the latent artefact.")
+    points: int = Field(0, description="How many of a rigid cloud's drawn points to encode; 0 for all.", ge=0)
     half: bool = Field(True, description="Store float16 instead of float32.")

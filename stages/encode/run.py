@@ -32,6 +32,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         ):
             for row in reader.clips:
                 points, groups = reader.points(row.clip)
+                if config.points:
+                    points, groups = points[:, : config.points], groups[: config.points]
                 latents, centroids = autoencoder.encode(torch.from_numpy(points), torch.from_numpy(groups).long())
                 width = np.float16 if config.half else np.float32
                 writer.add(row, latents.cpu().numpy().astype(width), centroids.cpu().numpy())
