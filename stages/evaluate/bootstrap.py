@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -42,10 +43,17 @@ def ratio_interval(
     value = float(_ratio(top.sum(), weights.sum(), bottom.sum(), base_weights.sum()))
     if count < 2:
         return Estimate(value, None, None)
-    drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
+    drawn = _draws(count, seed)
     ratios = _ratio(drawn @ top, drawn @ weights, drawn @ bottom, drawn @ base_weights)
     low, high = np.quantile(ratios, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return Estimate(value, float(low), float(high))
+
+
+@lru_cache(maxsize=16)
+def _draws(count: int, seed: int) -> np.ndarray:
+    """(RESAMPLES, count) how often each clip is in each resampled set; kept, since tables ask for few counts."""
+    drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
+    return drawn.astype(np.float64)
 
 
 def _ratio(top, top_weight, bottom, bottom_weight) -> np.ndarray:

@@ -16,11 +16,16 @@ LEAST_DEVIATION_M = 1e-3  # of a joint's axis in the training statistics, so tha
 
 @dataclass(frozen=True)
 class Metric:
-    """How a metric is printed. Headline metrics get intervals in the summary."""
+    """How a metric is printed.
+
+    headline: gets intervals in the summary.
+    is_error: False for a property of a motion, which has a truth of its own and no ratio worth printing.
+    """
 
     label: str
     unit: str
     headline: bool = False
+    is_error: bool = True
 
 
 METRICS: dict[str, Metric] = {
@@ -34,7 +39,7 @@ METRICS: dict[str, Metric] = {
     "mpjve_mm": Metric("MPJVE", "mm/frame"),
     "acceleration_mm": Metric("Acceleration error", "mm/frame²"),
     "mpjae_deg": Metric("MPJAE", "degrees"),
-    "key_jump_mm": Metric("Velocity jump at keys", "mm/frame"),
+    "key_jump_mm": Metric("Velocity jump at keys", "mm/frame", is_error=False),
 }
 
 POWER_WEIGHTED = ("npss", "npss_lafan1")

@@ -12,8 +12,9 @@ from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
 from stages.evaluate.tables import Cell, Key, overview, task_tables
 
 LEGEND = (
-    "Each cell: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) on the "
-    "same windows. Lower is better. In the header: the windows and clips measured."
+    "In the tables below: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) "
+    "on the same windows, with a star where the ratio's own 95% interval leaves out 1. Lower is better, save for the "
+    "velocity jump, which the truth has too. In the header: the windows and clips measured."
 )
 
 

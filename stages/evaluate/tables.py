@@ -58,7 +58,7 @@ def _cell(key: Key, group: dict, grouped: dict[Key, dict], seed: int) -> Cell:
     clips = sorted(group)
     values, weights = _columns(group, clips, metric)
     ratio = None
-    if method != baseline_of(task) and base.keys() == group.keys():
+    if METRICS[metric].is_error and method != baseline_of(task) and base.keys() == group.keys():
         ratio = ratio_interval(values, weights, *_columns(base, clips, metric), seed)
     windows = sum(group[clip].windows for clip in clips)
     return Cell(mean_interval(values, weights, seed), ratio, len(clips), windows)
@@ -137,16 +137,26 @@ def _plural(count: int, word: str) -> str:
 def overview(found: dict[Key, Cell]) -> str:
     """Markdown: each method's first headline metric as a share of the baseline's, for every scope and task."""
     metric = next((m for m in METRICS if any(key[3] == m for key in found)), "l2p_m")
-    columns = [(t, i) for t in in_order(found, 1) for i in sorted({key[2] for key in found if key[1] == t})]
-    header = " | ".join(f"{task} {interval}" for task, interval in columns)
-    out = [f"| data | method | {header} |", f"|---|---|{'---:|' * len(columns)}"]
-    for scope in scopes_of(found):
-        for method in in_order(found, 4):
-            picked = [found.get((scope, task, interval, metric, method)) for task, interval in columns]
-            if any(cell and cell.ratio for cell in picked):
-                out.append(f"| {scope} | {method} | {' | '.join(map(_ratio_text, picked))} |")
-    title = f"{METRICS[metric].label} as a share of slerp's (in prediction: of zero velocity's), with 95% interval"
-    return "\n".join([f"{title}:\n", *out, ""])
+    parts: list[str] = []
+    for baseline in dict.fromkeys(map(baseline_of, in_order(found, 1))):
+        tasks = [task for task in in_order(found, 1) if baseline_of(task) == baseline]
+        columns = [(task, i) for task in tasks for i in sorted({key[2] for key in found if key[1] == task})]
+        header = " | ".join(f"{task} {interval}" for task, interval in columns)
+        parts.append(f"{METRICS[metric].label} as a share of that of {baseline} [95% interval]:\n")
+        parts += [f"| data | method | {header} |", f"|---|---|{'---:|' * len(columns)}"]
+        for scope in scopes_of(found):
+            parts += _overview_rows(found, scope, metric, columns)
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _overview_rows(found: dict[Key, Cell], scope: str, metric: str, columns: list[tuple[str, int]]) -> list[str]:
+    rows: list[str] = []
+    for method in in_order(found, 4):
+        picked = [found.get((scope, task, interval, metric, method)) for task, interval in columns]
+        if any(cell and cell.ratio for cell in picked):
+            rows.append(f"| {'' if rows else scope} | {method} | {' | '.join(map(_ratio_text, picked))} |")
+    return rows
 
 
 def _ratio_text(cell: Cell | None) -> str:
@@ -156,7 +166,7 @@ def _ratio_text(cell: Cell | None) -> str:
 
 
 def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
-    """`0.412 [0.38, 0.45] ×0.81`: mean, interval, ratio to the baseline."""
+    """`0.412 [0.38, 0.45] ×0.81*`: mean, interval, ratio to the baseline; a star where its interval leaves out 1."""
     if cell is None:
         return ""
     digits = _decimals(cell.mean.value)
@@ -164,8 +174,12 @@ def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
     if intervals:
         text += _span(cell.mean, digits)
     if cell.ratio is not None and np.isfinite(cell.ratio.value):
-        text += f" ×{cell.ratio.value:.2f}"
+        text += f" ×{cell.ratio.value:.2f}{'*' if _leaves_out_one(cell.ratio) else ''}"
     return text
+
+
+def _leaves_out_one(ratio: Estimate) -> bool:
+    return ratio.low is not None and ratio.high is not None and not ratio.low <= 1 <= ratio.high
 
 
 def _span(estimate: Estimate, digits: int) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 _INLINE_CODE = re.compile(r"`([^`]+)`")
 _BOLD = re.compile(r"\*\*([^*]+)\*\*")
 _SPAN = re.compile(r" (\[[^\]]*\])")
-_RATIO = re.compile(r"×([0-9.]+)")
+_RATIO = re.compile(r"×([0-9.]+)(\*?)")
 
 
 def markdown_html(text: str) -> str:
@@ -86,10 +86,9 @@ def _row(tag: str, cells: list[str], numeric: list[bool], attributes: str = "") 
 
 
 def _marked(match: re.Match[str]) -> str:
-    """A ratio to the baseline, in the colour of what it says."""
-    ratio = float(match[1])
-    kind = "better" if ratio < 0.995 else "worse" if ratio > 1.005 else "same"
-    return f'<span class="{kind}">×{match[1]}</span>'
+    """A ratio to the baseline, in colour where it is starred: it is then more than chance."""
+    kind = "same" if not match[2] else "better" if float(match[1]) < 1 else "worse"
+    return f'<span class="{kind}">×{match[1]}{match[2]}</span>'
 
 
 def _inline(text: str) -> str:

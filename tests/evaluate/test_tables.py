@@ -61,7 +61,7 @@ def test_printed_forms() -> None:
     found = cells(rows())
     text = task_tables(found)
     assert "## set-1" in text and "| L2P (m) | slerp |" in text and "15 (4 windows of 2 clips)" in text
-    assert "×0.50" in text
+    assert "×0.50*" in text
     assert cell_text(None) == ""
     assert cell_text(cells([ROW])["set-1", "interpolation", 15, "l2p_m", "slerp"]) == "0.500"
     assert "| set-1 | ours | 0.50 [0.50, 0.50] |" in overview(found)
