@@ -1,0 +1,174 @@
+"""The pipeline for real, small: make runs every stage on four embedded clips, is killed in between, and goes on.
+
+Then the commands that the pages show are run on what it made.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from data_schemas.artefact import verify
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.manifest import open_artefact
+from data_schemas.metrics import read_metrics
+from stages.formats.bvh import read_bvh
+from tests.docs.pages import ROOT, commands
+
+CLIPS = ROOT / "stages" / "clips"
+PUMPS = (sys.executable, "-m", "pumps_cli")
+ARTEFACTS = ("ingest", "sample-tpc", "train-ae", "encode", "train-lms", "decode", "evaluate")
+_TRAINING = {
+    "steps": 6, "batch": 2, "window": 16, "points": 32, "warmup": 2, "validate_every": 3, "checkpoint_every": 1,
+}  # fmt: skip
+SETTINGS = {
+    **{f"{stage}.{name}": value for stage in ("train-ae", "train-lms") for name, value in _TRAINING.items()},
+    "train-ae.encoder.width": 8, "train-ae.encoder.heads": 2, "train-ae.decoder.width": 32,
+    "train-ae.decoder.heads": 2, "train-ae.decoder.layers": 1, "train-lms.synthesiser.width": 32,
+    "train-lms.synthesiser.heads": 2, "train-lms.longest_gap": 12, "pick-clips.count": 1, "evaluate.max_windows": 1,
+    "evaluate.intervals": [15], "evaluate.transitions": [15], "evaluate.predictions": [15], "evaluate.points": 32,
+    "sample-tpc.points": 64, "infill.points": 64, "decode.points": 32,
+}  # fmt: skip
+
+
+class Pipeline:
+    """A place with the data, the run and a link to the embedded clips, as a user's clone has them."""
+
+    def __init__(self, place: Path):
+        self.place = place
+        self.run = place / "runs" / "demo"
+        self.data = place / "data"
+        self.data.mkdir(parents=True)
+        (place / "stages").symlink_to(ROOT / "stages")
+        splits = json.loads((CLIPS / "splits.json").read_text())["clips"]
+        train = sorted({path.name for path in CLIPS.glob("*.bvh")} - {*splits["test"], *splits["val"]})
+        for name in (*train[:2], splits["val"][0], splits["test"][0]):
+            shutil.copy(CLIPS / name, self.data / name)
+        (self.data / "splits.json").write_text(
+            json.dumps({"data": {"test": [splits["test"][0]], "val": [splits["val"][0]]}})
+        )
+
+    def make(self, **options: object) -> subprocess.Popen[str]:
+        """Start `make fill` in a process group of its own."""
+        settings = " ".join(f"{name}={json.dumps(value, separators=(',', ':'))}" for name, value in SETTINGS.items())
+        kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
+        command = [
+            "make", "fill", f"PUMPS={' '.join(PUMPS)}", f"RUNS={self.place / 'runs'}", "RUN=demo",
+            f"DATA={self.data}", "PRESET=tiny", f"SET={settings}",
+        ]  # fmt: skip
+        environment = {**kept, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+        return subprocess.Popen(
+            command, cwd=ROOT, env=environment, text=True, start_new_session=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+
+    def finish(self) -> str:
+        """Run it to the end and give what it printed."""
+        process = self.make()
+        printed, _ = process.communicate(timeout=500)
+        assert process.returncode == 0, printed
+        return printed
+
+    def times(self) -> dict[str, int]:
+        """When each finished artefact was written."""
+        found = {name: self.run / name / "manifest.json" for name in ARTEFACTS}
+        return {name: path.stat().st_mtime_ns for name, path in found.items() if path.exists()}
+
+
+@pytest.fixture(scope="module")
+def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
+    """A pipeline that was killed outright in the middle of the first training, and then ran to its end."""
+    pipeline = Pipeline(tmp_path_factory.mktemp("pipeline"))
+    killed = pipeline.make()
+    partial = pipeline.run / "train-ae.partial"
+    deadline = time.monotonic() + 200
+    while killed.poll() is None and not (partial.is_dir() and any(partial.iterdir())):
+        assert time.monotonic() < deadline, "the training never wrote a checkpoint"
+        time.sleep(0.02)
+    if killed.poll() is None:
+        os.killpg(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    pipeline.before = pipeline.times()  # type: ignore[attr-defined]
+    pipeline.printed = pipeline.finish()  # type: ignore[attr-defined]
+    return pipeline
+
+
+def test_a_killed_run_goes_on_and_does_nothing_twice(pipeline: Pipeline):
+    before = pipeline.before  # type: ignore[attr-defined]
+    assert {"ingest", "sample-tpc"} <= set(before) and "evaluate" not in before
+    after = pipeline.times()
+    assert set(after) == set(ARTEFACTS)
+    assert {name: after[name] for name in before} == before
+    assert not list(pipeline.run.glob("*.partial"))
+
+
+def test_every_artefact_is_whole(pipeline: Pipeline):
+    for name in ARTEFACTS:
+        assert verify(pipeline.run / name) == [], name
+
+
+def test_training_logged_every_step_once_across_the_kill(pipeline: Pipeline):
+    log = read_checkpoint(open_artefact(pipeline.run / "train-ae", "checkpoint")).log
+    steps = [row["step"] for row in log if row["split"] == "val"]
+    assert steps == sorted(set(steps)) and steps[-1] == _TRAINING["steps"]
+
+
+def test_what_it_prints_at_the_end(pipeline: Pipeline):
+    printed = pipeline.printed  # type: ignore[attr-defined]
+    for word in ("L2P", "L2Q", "NPSS", "lerp", "slerp", "pumps"):
+        assert word in printed, word
+    page = Path(printed.rstrip().rpartition("Report: ")[2])
+    assert page == pipeline.run / "report" / "report.html"
+    text = page.read_text()
+    assert "<canvas" in text and "http://" not in text.replace("http://www.w3.org", "") and "https://" not in text
+
+
+def test_metrics_hold_the_plain_ways_and_the_trained_one(pipeline: Pipeline):
+    rows, _ = read_metrics(pipeline.run / "evaluate")
+    assert {"lerp", "slerp", "pumps"} <= {row.method for row in rows}
+    assert {"l2p_m", "l2q", "npss"} <= {row.metric for row in rows}
+
+
+def test_the_filled_clip_keeps_header_and_keys(pipeline: Pipeline):
+    (filled,) = (pipeline.run / "infill").glob("*.bvh")
+    source = (pipeline.run / "pick-clips" / filled.name).read_bytes()
+    assert source in [path.read_bytes() for path in pipeline.data.glob("*.bvh")]
+    given, made = read_bvh(source, "given"), read_bvh(filled.read_bytes(), "made")
+    assert made.header == given.header and made.values.shape == given.values.shape
+    keys = [*range(0, len(given.values), 15), len(given.values) - 1]
+    assert (made.values[keys] == given.values[keys]).all()
+    assert (made.values != given.values).any()
+
+
+def test_again_runs_no_stage(pipeline: Pipeline):
+    before = pipeline.times()
+    printed = pipeline.finish()
+    assert pipeline.times() == before
+    assert "pumps_cli ingest" not in printed and "Report: " in printed
+
+
+PAGE_LINES = [line for _, line in commands() if line.startswith("pumps ") and "recordings" not in line]
+
+
+def test_the_commands_of_the_pages_do_what_they_say(pipeline: Pipeline):
+    """Each one as it stands there, in a folder where runs/demo exists; those with shipped weights where there are."""
+    shipped = (ROOT / "stages" / "weights" / "tiny" / "ae" / "manifest.json").exists()
+    for line in PAGE_LINES:
+        words = shlex.split(line)[1:]
+        needs_shipped = "tiny" in words if "--weights" in words else words[0] == "infill"
+        if needs_shipped and not shipped:
+            continue
+        if words[0] == "evaluate":
+            words += ["--max-windows", "1", "--points", "32", "--intervals", "15", "--transitions", "15"]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+        done = subprocess.run([*PUMPS, *words], cwd=pipeline.place, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
