@@ -180,7 +180,7 @@ def _parse_rows(
         if not keep_unreadable:
             raise _row_error(rows[bad[0]], columns, place, place.first_line + numbers[bad[0]])
         values[bad] = np.nan
-    if not keep_unreadable and values.size and not np.isfinite(values.sum()) and not np.isfinite(values).all():
+    if not keep_unreadable and not np.isfinite(values).all():
         row, column = np.argwhere(~np.isfinite(values))[0]
         line = place.first_line + numbers[row]
         raise InputError(

@@ -34,19 +34,20 @@ def resample(motion: Motion, fps: float) -> Motion:
     times = np.arange(resampled_frames(motion.frames, motion.fps, fps)) * (motion.fps / fps)
     times = np.minimum(times, motion.frames - 1)
     if motion.frames == 1:
-        return replace(motion, fps=fps)
+        return replace(motion, fps=fps, tracks=motion.tracks.reshape(1, len(motion.track_joints), 3))
     kernel = _low_pass(motion.fps / fps)
     rotations = _filtered(motion.rotations, kernel)
     if len(kernel) > 1:
         rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
+    tracked = len(motion.track_joints) > 0
     return Motion(
         rotations=_slerp_at(rotations, times),
         root_positions=_cubic_at(_filtered(motion.root_positions, kernel), times),
         fps=fps,
         track_joints=motion.track_joints,
         tracks=_cubic_at(_filtered(motion.tracks, kernel), times)
-        if len(motion.track_joints)
-        else motion.tracks[:1].repeat(len(times), 0),
+        if tracked
+        else np.zeros((len(times), 0, 3), np.float32),
     )
 
 
