@@ -118,6 +118,12 @@ STAGES: tuple[Stage, ...] = (
         needs=("train-ae", "train-lms", "infill", "evaluate"),
     ),
     Stage(
+        "pack-weights", ("pack-weights",), "stages.pack_weights",
+        "Make the networks of a run small enough to hand on, with one model card.",
+        ("checkpoint",), "checkpoint", "pumps pack-weights runs/mine -o weights/mine",
+        arguments=("run",), pipeline=False,
+    ),
+    Stage(
         "inspect", ("inspect",), "stages.inspect_file",
         "Tell what a motion file holds: skeleton, body groups, unit, rate, problems.",
         ("BVH",), "", "pumps inspect walk.bvh",

@@ -6,7 +6,7 @@
 - Shapes: B batch, T frames, J joints, P points, G = 5 body groups, D latent width.
 - Body groups, in this order: spine, left_arm, right_arm, left_leg, right_leg (`BODY_GROUPS`).
 - Root means the pelvis (`Skeleton.root`), not the first joint of the file.
-- Masks are called `known` (True = the frame is given, may be attended) and `valid` (True = a real frame, not padding).
+- Masks are called `known` (True = the frame is given, may be attended) and `valid` (True = a real frame, no padding).
 - Models work at 30 frames a second (`MODEL_FPS`); times given to networks are real-valued frames at that rate.
 - Randomness only through an explicit `numpy.random.Generator` or `torch.Generator` seeded from a config.
 """

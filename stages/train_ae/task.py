@@ -93,7 +93,8 @@ class AutoencoderTask:
 
     def validate(self) -> dict[str, float]:
         """Figures in millimetres: matched pairs' distance (`rec_mm`), the same between two true draws
-        (`reference_mm`), how both vary over time, and the spread ratio; chosen by the variation plus a tenth of rec."""
+        (`reference_mm`), how both vary over time, and the spread ratio. `score` is
+        the variation plus a tenth of rec."""
         batch, other = self.held_back
         generator = torch.Generator(device=self.device).manual_seed(0)
         made, points, groups, valid = self._reconstruct(batch, generator)

@@ -86,7 +86,7 @@ def test_interpolated_windows_keep_keys_and_read_nothing_else(pool):
     rng = np.random.default_rng(5)
     windows = pool.draw(6, 24, rng, augment=False)
     known = draw_known(windows.valid.sum(1), 24, 12, rng)
-    heads, rotations = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=30)
+    heads, _ = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=30)
     torch.testing.assert_close(heads[known], windows.heads[known], atol=1e-4, rtol=1e-4)
     junk = torch.where(known[..., None, None], windows.heads, torch.randn_like(windows.heads))
     again, _ = interpolate_windows(junk, windows.rotations, windows.parents, known, rate_hz=30)

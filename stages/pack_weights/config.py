@@ -1,0 +1,18 @@
+"""Settings of `pumps pack-weights`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from stages.config import StageConfig
+
+
+class Config(StageConfig):
+    """Make a run's networks small enough to hand on."""
+
+    run: Path = Field(description="The run's folder, with train-ae and train-lms.")
+    output: Path = Field(description="Folder for the weights: its parts are ae and lms, and its card MODEL_CARD.md.")
+    half: bool = Field(True, description="Keep the weights in half precision.")
+    name: str = Field("", description="What the weights are called; the output folder's name by default.")
