@@ -36,7 +36,7 @@ class BvhFile:
     frame_time:      seconds, as written. declared_frames: as written.
     values:          (T, C) float64 in the file's unit and degrees; NaN in unreadable rows (if they were to be kept).
     rows:            T verbatim lines without their newline.
-    newline:         "\\n", "\\r\\n" or "\\r". encoding: of header and motion_head.
+    newline:         of the rows: "\\n", "\\r\\n" or "\\r". encoding: of header and motion_head.
     warnings:        what was odd and was mended, one sentence each.
     """
 
@@ -80,9 +80,9 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
         raise InputError(f"{name}, line {fault.line}: {fault.message}.", fault.hint) from None
     first_line = _line_count(header_bytes) + 1
     declared, frame_time, cut = _counts(rest, name, first_line)
-    newline = "\r\n" if b"\r\n" in data else ("\n" if b"\n" in data else "\r")
     columns = sum(len(joint.channels) for joint in joints)
     body = rest[cut:]
+    newline = _newline_of(body) or _newline_of(rest) or "\n"
     row_line = first_line + _line_count(rest[:cut])
     rows, values = _parse_rows(body, newline.encode(), columns, _Place(name, joints, row_line), keep_unreadable_rows)
     notes = _check_frames(name, declared, len(rows), rows)
@@ -99,6 +99,14 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
         encoding=encoding,
         warnings=notes,
     )
+
+
+def _newline_of(text: bytes) -> str | None:
+    """How the first line of a text ends. Header and rows of one file may differ: tools write over tools' files."""
+    at = text.find(b"\n")
+    if at < 0:
+        return "\r" if b"\r" in text else None
+    return "\r\n" if text[at - 1 : at] == b"\r" else "\n"
 
 
 def _line_count(data: bytes) -> int:

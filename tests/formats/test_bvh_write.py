@@ -20,6 +20,15 @@ def test_all_rows_verbatim_is_the_same_file(text: BvhText) -> None:
     assert write_bvh(bvh, np.full_like(bvh.values, np.nan), every) == text.data()
 
 
+def test_header_and_rows_may_end_their_lines_differently() -> None:
+    data = BvhText().data()
+    cut = data.index(b"MOTION")
+    for mixed in (data[:cut].replace(b"\n", b"\r\n") + data[cut:], data[:cut] + data[cut:].replace(b"\n", b"\r\n")):
+        bvh = read_bvh(mixed, "a")
+        assert write_bvh(bvh, bvh.values, {frame: frame for frame in range(bvh.frames)}) == mixed
+        assert np.allclose(bvh.values, BvhText().values(), atol=1e-6)
+
+
 def test_only_the_other_rows_change() -> None:
     text = BvhText(newline="\r\n")
     bvh = read_bvh(text.data(), "a")
