@@ -25,11 +25,11 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure dag fill test lint bench install install-dev clean-run
+.PHONY: help demo reproduce configure picked dag fill test lint bench install install-dev clean-run
 .SUFFIXES:
 
 help:
-	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
+	@awk '/^#/ { sub(/^# ?/, ""); print; next } { exit }' Makefile
 
 # ---- installing ------------------------------------------------------------------------------------------------
 
@@ -59,7 +59,7 @@ reproduce: install
 
 # Settings first: they are written only where they changed. Then which clips to fill, which the data says. Then all.
 fill: configure
-	@$(MAKE) --no-print-directory $(R)/pick-clips/clips.txt
+	@$(MAKE) --no-print-directory picked
 	@$(MAKE) --no-print-directory dag
 	@$(PUMPS) results $(R)/evaluate
 	@echo
@@ -77,7 +77,12 @@ FILLED := $(CLIPS:%=$(R)/infill/%.bvh)
 
 .PRECIOUS: $(R)/%/manifest.json $(R)/infill/%.bvh $(R)/pick-clips/%.bvh
 
+# The recipes that do nothing keep make from saying that there was nothing to do.
+picked: $(R)/pick-clips/clips.txt
+	@:
+
 dag: $(R)/report/report.html $(R)/decode/manifest.json
+	@:
 
 $(R)/ingest/manifest.json: $(C)/ingest.toml $(C)/sources.txt
 	$(PUMPS) ingest bvh --config $< -o $(@D)
