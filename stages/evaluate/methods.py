@@ -15,7 +15,7 @@ from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
 from stages.evaluate.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.evaluate.config import Config
-from stages.evaluate.test_set import WindowBatch
+from stages.evaluate.measured_clips import WindowBatch
 from stages.evaluate.windows import PREDICTION, Task, Window
 from stages.inference.filling import fill_motion
 from stages.inference.models import load_weights, weights_folder
@@ -58,9 +58,7 @@ def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list
     methods = [Method(name, _plain_fill(function)) for name, function in plain.items()]
     methods += [Method(w.name, _model_fill(w.models, "synthesised", config)) for w in loaded]
     if config.breakdown:
-        methods += [
-            Method(w.name + RECONSTRUCTED, _model_fill(w.models, "reconstructed", config)) for w in loaded
-        ]
+        methods += [Method(w.name + RECONSTRUCTED, _model_fill(w.models, "reconstructed", config)) for w in loaded]
         methods.append(Method(TRUE_CLOUD, _model_fill(None, "true", config)))
     return methods
 

@@ -1,4 +1,4 @@
-"""`pumps evaluate`: fill windows of clips whose truth is known, and measure (DESIGN 7; docs/evaluation.md)."""
+"""`pumps evaluate`: fill windows of clips whose truth is known, and measure (docs/evaluation.md)."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from data_schemas.motion import MotionReader
 from stages.config import StageReport
 from stages.evaluate.baselines import Filled
 from stages.evaluate.config import Config
+from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
 from stages.evaluate.measuring import (
     POWER_WEIGHTED,
     Figures,
@@ -32,7 +33,6 @@ from stages.evaluate.methods import LoadedWeights, load_all, methods_for
 from stages.evaluate.metrics import key_jump_mm
 from stages.evaluate.summary import summary_md
 from stages.evaluate.tables import cells, terminal_lines
-from stages.evaluate.test_set import TestSet, WindowBatch
 from stages.evaluate.windows import CONTEXT, INTERPOLATION, LAFAN1_CONTEXT, PREDICTION, TRANSITION, Task, Window
 from stages.progress import SILENT, Progress
 
@@ -56,13 +56,13 @@ class _Tally:
 class _Statistics:
     """The lafan1 protocol's deviations, made once for each skeleton."""
 
-    test_set: TestSet
+    clips: MeasuredClips
     made: dict[str, np.ndarray] = field(default_factory=dict)
     borrowed: list[str] = field(default_factory=list)
 
     def of(self, batch: WindowBatch, joints: np.ndarray, across: np.ndarray) -> np.ndarray:
         if batch.skeleton_id not in self.made:
-            windows, of_training = self.test_set.statistics_windows(batch.skeleton_id)
+            windows, of_training = self.clips.statistics_windows(batch.skeleton_id)
             self.made[batch.skeleton_id] = position_deviation(windows, joints, across, batch.skeleton.root)
             if not of_training:
                 self.borrowed.append(batch.skeleton_id)
@@ -78,18 +78,18 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     motion = open_artefact(config.motion, "motion")
     with MotionReader(motion) as reader:
-        test_set = TestSet(reader, config.splits)
-        plan = _plan(test_set, config)
+        clips = MeasuredClips(reader, config.splits)
+        plan = _plan(clips, config)
         loaded = load_all(config)
-        statistics = _Statistics(test_set)
+        statistics = _Statistics(clips)
         total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
         progress.start("Filling windows", total)
         rows: list[MetricRow] = []
         for archive, group in groupby(plan, key=lambda step: step[0]):
             for _, task, windows in group:
-                tally = _measure_task(test_set, task, windows, loaded, statistics, config, progress)
+                tally = _measure_task(clips, task, windows, loaded, statistics, config, progress)
                 rows += _rows(reader, archive, task, tally)
-            test_set.forget()
+            clips.forget()
     found = cells(rows, config.seed)
     inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
     with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
@@ -110,11 +110,11 @@ def tasks_of(config: Config) -> list[Task]:
     ]
 
 
-def _plan(test_set: TestSet, config: Config) -> list[tuple[str, Task, list[Window]]]:
+def _plan(clips: MeasuredClips, config: Config) -> list[tuple[str, Task, list[Window]]]:
     plan = []
-    for archive in test_set.archives:
+    for archive in clips.archives:
         for task in tasks_of(config):
-            windows = test_set.windows(archive, task, config.max_windows)
+            windows = clips.windows(archive, task, config.max_windows)
             if windows:
                 plan.append((archive, task, windows))
     if not plan:
@@ -126,7 +126,7 @@ def _plan(test_set: TestSet, config: Config) -> list[tuple[str, Task, list[Windo
 
 
 def _measure_task(
-    test_set: TestSet,
+    clips: MeasuredClips,
     task: Task,
     windows: list[Window],
     loaded: list[LoadedWeights],
@@ -136,7 +136,7 @@ def _measure_task(
 ) -> _Tally:
     tally = _Tally()
     methods = methods_for(task, loaded, config)
-    for batch in test_set.batches(task, windows):
+    for batch in clips.batches(task, windows):
         poses = batch.poses()
         joints = measured_joints(batch.skeleton)
         truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)

@@ -209,8 +209,10 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
             rows = _metric_rows(metric, intervals, here, True) if any(key[3] == metric for key in here) else []
             grid += [[part.strip() for part in row.strip("|").split("|")] for row in rows]
         lines += _aligned(grid)
-        lines.append(f"({scope}: {', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of "
-                     f"{baseline_of(task)}'s)")
+        lines.append(
+            f"({scope}: {', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of "
+            f"{baseline_of(task)}'s)"
+        )
     return lines
 
 

@@ -105,16 +105,16 @@ def _scene(name: str, motions: list[Played], config: Config) -> dict:
     keys = parse_keyframes(config.keyframes, first.motion.frames)
     if config.slerp and all(played.name != SLERP for played in motions):
         motions = [first, Played(SLERP, first.skeleton, slerped(first.skeleton, first.motion, keys)), *motions[1:]]
-    kept = [(played, _shortened(played.motion, config.max_seconds)) for played in motions]
-    positions = positions_of(first.skeleton, kept[0][1])
-    body = positions[:, first.skeleton.groups != NO_GROUP]
-    origin = positions[:, first.skeleton.root].mean(axis=0) * [1, 0, 1]
+    kept = [replace(played, motion=_shortened(played.motion, config.max_seconds)) for played in motions]
+    figures = [_figure_of(played) for played in kept]
+    cloud = figures[0].points
+    origin = cloud[:, figures[0].root].mean(axis=0) * [1, 0, 1]
     return {
         "name": name,
-        "keys": [int(key) for key in keys if key < kept[0][1].frames],
-        "floor": round(float(np.percentile(body[..., 1].min(axis=1), 2)), 4),
-        "height": round(float(np.percentile(np.ptp(body[..., 1], axis=1), 90)), 4),
-        "motions": [_packed(replace(played, motion=motion), origin) for played, motion in kept],
+        "keys": [int(key) for key in keys if key < len(cloud)],
+        "floor": round(float(np.percentile(cloud[..., 1].min(axis=1), 2)), 4),
+        "height": round(float(np.percentile(np.ptp(cloud[..., 1], axis=1), 90)), 4),
+        "motions": [_packed(played, figure, origin) for played, figure in zip(kept, figures, strict=True)],
     }
 
 
@@ -145,8 +145,17 @@ def _shortened(motion: Motion, seconds: float) -> Motion:
     )
 
 
-def _packed(played: Played, origin: np.ndarray) -> dict:
-    """Positions of the body's joints, and of the tips of its last bones, around `origin`."""
+@dataclass(frozen=True)
+class _Figure:
+    """What is drawn: points (T, N, 3) in the world; edges [from, to, body group, is thin, is head]; the pelvis."""
+
+    points: np.ndarray
+    edges: list[list[int]]
+    root: int
+
+
+def _figure_of(played: Played) -> _Figure:
+    """The body's joints, and the tips of its last bones."""
     skeleton, motion = played.skeleton, played.motion
     heads = positions_of(skeleton, motion)
     body = np.flatnonzero(skeleton.groups != NO_GROUP)
@@ -163,17 +172,21 @@ def _packed(played: Played, origin: np.ndarray) -> dict:
         tips = Rotation.from_quat(motion.rotations[:, joint]).apply(skeleton.tails[joint])
         points.append((heads[:, joint] + tips)[:, None])
         edges.append([number[joint], len(body) + len(points) - 2, *_look(skeleton, joint, ball=joint == head)])
-    cloud = np.concatenate(points, axis=1) - origin
+    return _Figure(np.concatenate(points, axis=1), edges, number[int(skeleton.root)])
+
+
+def _packed(played: Played, figure: _Figure, origin: np.ndarray) -> dict:
+    """A motion as the page holds it, its points around `origin` as 16-bit numbers."""
+    cloud = figure.points - origin
     scale = max(float(np.abs(cloud).max()), 1e-6) / LARGEST_STEP
     return {
         "name": played.name,
-        "fps": round(float(motion.fps), 6),
-        "frames": motion.frames,
+        "fps": round(float(played.motion.fps), 6),
+        "frames": cloud.shape[0],
         "nodes": cloud.shape[1],
-        "root": number[int(skeleton.root)],
-        "edges": edges,
+        "root": figure.root,
+        "edges": figure.edges,
         "scale": scale,
-        "origin": [0, 0, 0],
         "points": base64.b64encode(np.round(cloud / scale).astype("<i2").tobytes()).decode(),
     }
 

@@ -33,8 +33,13 @@ def motion(seed: int, frames: int = 31) -> Motion:
     rotations = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_quat().reshape(frames, 4, 4)
     roots = np.cumsum(rng.normal(0, 0.02, (frames, 3)), axis=0)
     tracks = np.tile([0.0, 0.5, 0], (frames, 1, 1)) + 0.1 * np.sin(5 * t)
-    return Motion(rotations.astype(np.float32), roots.astype(np.float32), 30.0, np.array([1], np.int32),
-                  tracks.astype(np.float32))
+    return Motion(
+        rotations.astype(np.float32),
+        roots.astype(np.float32),
+        30.0,
+        np.array([1], np.int32),
+        tracks.astype(np.float32),
+    )
 
 
 KNOWN = np.zeros(31, bool)

@@ -18,6 +18,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.evaluate import methods
 from stages.evaluate.baselines import BASELINES, Poses
 from stages.evaluate.config import Config
+from stages.evaluate.measured_clips import archive_of
 from stages.evaluate.measuring import (
     facing_turn,
     hip_joints,
@@ -28,8 +29,8 @@ from stages.evaluate.measuring import (
 )
 from stages.evaluate.methods import named_source, window_seed, without_answers
 from stages.evaluate.run import run
-from stages.evaluate.test_set import archive_of
 from stages.evaluate.windows import Window
+from tests.inference.examples import write_random_weights
 
 NAMES = ("world", "hips", "chest", "head", "arm.L", "arm.R", "leg.L", "leg.R", "twist")
 SPINE = [[0, 0, 0], [0, 0.9, 0], [0, 0.3, 0], [0, 0.3, 0]]
@@ -121,6 +122,22 @@ def test_the_solve_on_the_true_cloud_beats_slerp(motions: Path, tmp_path: Path) 
     rows, _ = read_metrics(config.output)
     value = {(r.archive, r.method): r.value for r in rows if r.metric == "l2p_m"}
     assert value["set-1", methods.TRUE_CLOUD] < 0.6 * value["set-1", "slerp"]
+
+
+def test_weights_are_methods_and_inputs(motions: Path, tmp_path: Path) -> None:
+    folder = write_random_weights(tmp_path / "mine")
+    only = {"tasks": ("interpolation", "prediction"), "intervals": (15,), "predictions": (15,), "max_windows": 1}
+    config = Config(motion=motions, output=tmp_path / "m", weights=(str(folder),), breakdown=True, points=64, **only)
+    run(config)
+    rows, summary = read_metrics(config.output)
+    assert {r.method for r in rows if r.task == "prediction"} >= {"mine", "mine-reconstructed", "zero-velocity"}
+    assert all(np.isfinite(row.value) for row in rows)
+    assert "- `mine`: weights" in summary
+    assert [each.kind for each in open_artefact(config.output).manifest.inputs] == [
+        "motion",
+        "checkpoint",
+        "checkpoint",
+    ]
 
 
 def test_the_lafan1_protocol_names_its_own_figures(motions: Path, tmp_path: Path) -> None:

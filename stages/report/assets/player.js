@@ -13,8 +13,8 @@ class MotionData {
   }
 
   at(frame, node) {
-    const i = (Math.min(frame, this.frames - 1) * this.nodes + node) * 3, v = this.values, s = this.scale, o = this.origin;
-    return [v[i] * s + o[0], v[i + 1] * s + o[1], v[i + 2] * s + o[2]];
+    const i = (Math.min(frame, this.frames - 1) * this.nodes + node) * 3, v = this.values, s = this.scale;
+    return [v[i] * s, v[i + 1] * s, v[i + 2] * s];
   }
 
   frameAt(seconds) { return Math.max(0, Math.min(this.frames - 1, Math.round(seconds * this.fps))); }

@@ -47,10 +47,8 @@ def archive_of(row: ClipRow) -> str:
     return folder.rsplit("/", 1)[-1] or "files"
 
 
-class TestSet:
+class MeasuredClips:
     """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured."""
-
-    __test__ = False  # no test case, though pytest thinks so of the name
 
     def __init__(self, reader: MotionReader, splits: Sequence[str]):
         self._reader = reader
