@@ -48,12 +48,17 @@ def archive_of(row: ClipRow) -> str:
 
 
 class MeasuredClips:
-    """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured."""
+    """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured.
+
+    An archive of which no clip was trained on is measured on all its clips, where the test split is wanted.
+    """
 
     def __init__(self, reader: MotionReader, splits: Sequence[str]):
         self._reader = reader
         self._cache: dict[str, Motion] = {}
-        rows = [row for row in reader.clips if row.split in splits]
+        trained = {archive_of(row) for row in reader.clips if row.split == "train"}
+        held_out = {archive_of(row) for row in reader.clips} - trained if "test" in splits else set()
+        rows = [row for row in reader.clips if row.split in splits or archive_of(row) in held_out]
         if not rows:
             found = ", ".join(f"{count} {split}" for split, count in Counter(r.split for r in reader.clips).items())
             raise InputError(

@@ -30,7 +30,7 @@ def summary_md(
     methods = dict.fromkeys(row.method for row in rows)
     parts = [
         "# Evaluation\n",
-        f"{len({row.clip for row in rows})} clips of the split {', '.join(config.splits)} from the motion artefact "
+        f"{len({row.clip for row in rows})} clips ({', '.join(config.splits)} split) of the motion artefact "
         f"`{motion.manifest.digest[:16]}`, at 30 frames a second; {len({r.skeleton for r in rows})} skeletons; "
         f"{_windows_text(config)}; seed {config.seed}; protocol `{config.protocol}` (docs/evaluation.md defines "
         "every figure).\n",

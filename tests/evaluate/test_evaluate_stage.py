@@ -72,6 +72,7 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("tiny", "set-1.zip!a/tiny.bvh", 30, 30.0, "test", 1.0),
         ("fast", "data/set-2/fast.bvh", 600, 120.0, "test", 0.7),
         ("seen", "set-1.zip!a/seen.bvh", 200, 30.0, "train", 1.0),
+        ("other", "data/set-2/other.bvh", 150, 30.0, "val", 0.7),
     ]
     with (
         write_artefact(path, "motion", stage="ingest", config={}, licences=["a licence"]) as draft,
@@ -94,6 +95,7 @@ def test_the_stage_writes_rows_and_a_summary(motions: Path, tmp_path: Path) -> N
     assert ("brief", "transition", 60, "l2p_m", "slerp") not in by_key
     assert not any(row.clip in ("tiny", "seen") for row in rows)
     assert {row.archive for row in rows} == {"set-1", "set-2"}
+    assert {row.clip for row in rows if row.archive == "set-2"} == {"fast", "other"}  # none of it was trained on
     errors = [by_key["one", "interpolation", i, "l2p_m", "slerp"].value for i in (5, 15, 30)]
     assert 0 < errors[0] < errors[1] < errors[2]
     assert by_key["one", "interpolation", 15, "l2p_m", "cubic"].value < errors[1]
@@ -151,8 +153,8 @@ def test_the_lafan1_protocol_names_its_own_figures(motions: Path, tmp_path: Path
 
 
 def test_clear_errors(motions: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no clip of the split val"):
-        run(Config(motion=motions, output=tmp_path / "m", splits=("val",)))
+    with pytest.raises(InputError, match="no clip of the split nothing"):
+        run(Config(motion=motions, output=tmp_path / "m", splits=("nothing",)))
     with pytest.raises(InputError, match="long enough"):
         run(Config(motion=motions, output=tmp_path / "m", tasks=("transition",), transitions=(900,)))
     with pytest.raises(ValidationError, match="must name some of"):

@@ -183,7 +183,7 @@ class Player {
     return {
       groups: [get("--spine"), left, right, left, right], rim: get("--stage"), joint: get("--joint"), key: get("--key"),
       grid: get("--grid"), shadow: get("--shadow"), trail: get("--trail"), text: get("--text"), dim: get("--dim"),
-      ghost: get("--ghost"), rule: get("--rule"), motions: MOTION_COLOURS.map(get),
+      ghost: get("--ghost"), faint: Number(get("--faint")), rule: get("--rule"), motions: MOTION_COLOURS.map(get),
     };
   }
 
@@ -239,11 +239,11 @@ class Player {
     const ground = [this.camera.target[0] + centre[0], 0, this.camera.target[2] + centre[2]];
     drawGround(ctx, project, ground, floor, colours.grid);
     for (const [motion] of drawn) drawShadow(ctx, project, motion, motion.frameAt(this.time), floor, colours.shadow);
-    drawTrail(ctx, project, drawn[0][0], this.scene.keys, floor, colours);
+    drawTrail(ctx, project, drawn[0][0], this.scene.keys, this.frame, floor, colours);
     if (this.options.ghosts) {
       const before = this.scene.keys.filter((k) => k < this.frame).pop(), after = this.scene.keys.find((k) => k > this.frame);
       for (const key of [before, after]) {
-        if (key !== undefined) drawGhost(ctx, project, this.first, key, colours.key, 0.28);
+        if (key !== undefined) drawGhost(ctx, project, this.first, key, colours.key, colours.faint);
       }
     }
     if (this.options.truth && drawn[0][0] !== this.first) {
@@ -277,7 +277,7 @@ class Player {
     if (known.length) ctx.fillText(`distance from ${this.first.name}, up to ${top.toFixed(0)} mm`, left + 4, 13);
     const every = [1, 5, 10, 15, 30, 60, 120, 240, 480, 960, 4800].find((n) => width * n / frames > 44) || 9600;
     ctx.textAlign = "center";
-    for (let f = 0; f < frames; f += every) ctx.fillText(f, x(f), height - 2);
+    for (let f = 0; f < frames; f += every) ctx.fillText(f, Math.min(x(f), left + width - 2), height - 2);
     ctx.textAlign = "left";
     ctx.fillStyle = colours.key;
     for (const key of this.scene.keys) diamond(ctx, x(key), base + 12, 5);

@@ -4,6 +4,7 @@
 const GRID_M = 1, GRID_REACH = 9;
 const BONE_M = [0.052, 0.042, 0.042, 0.05, 0.05]; // widths by body group: spine, arms, legs
 const THIN_M = 0.014;
+const TRAIL_S = 2.5;
 
 class Camera {
   constructor() { this.preset("free"); this.target = [0, 0.9, 0]; this.distance = 4.2; }
@@ -72,17 +73,21 @@ function drawShadow(ctx, project, motion, frame, floor, colour) {
   strokeAll(ctx, motion, (node) => { const p = motion.at(frame, node); return project(p[0], floor, p[2]); }, colour, 0.3, 0.07);
 }
 
-function drawTrail(ctx, project, motion, keys, floor, colours) {
+// The pelvis' path on the ground for some seconds around a frame, with the keyframes on it.
+function drawTrail(ctx, project, motion, keys, frame, floor, colours) {
+  const reach = Math.round(TRAIL_S * motion.fps), first = Math.max(0, frame - reach);
+  const last = Math.min(motion.frames - 1, frame + reach), stride = Math.max(1, Math.round(motion.fps / 30));
   ctx.strokeStyle = colours.trail;
   ctx.lineWidth = 1.5;
   ctx.beginPath();
-  for (let f = 0; f < motion.frames; f += 2) {
+  for (let f = first; f <= last; f += stride) {
     const p = motion.at(f, motion.root), s = project(p[0], floor, p[2]);
-    if (f === 0) ctx.moveTo(s[0], s[1]); else ctx.lineTo(s[0], s[1]);
+    if (f === first) ctx.moveTo(s[0], s[1]); else ctx.lineTo(s[0], s[1]);
   }
   ctx.stroke();
   ctx.fillStyle = colours.key;
   for (const key of keys) {
+    if (key < first || key > last) continue;
     const p = motion.at(key, motion.root), s = project(p[0], floor, p[2]);
     diamond(ctx, s[0], s[1], 3);
   }
