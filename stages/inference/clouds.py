@@ -5,6 +5,7 @@ The models see positions, body groups and times; which bone a point was drawn on
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
@@ -102,11 +103,11 @@ class Clouds(NamedTuple):
 
 
 def draw_on_skeleton(
-    skeleton: Skeleton, points: int, seed: int, sigma_m: float, device: torch.device | str = "cpu"
+    skeleton: Skeleton, points: int, rng: np.random.Generator, sigma_m: float, device: torch.device | str = "cpu"
 ) -> DrawnPoints:
     """Points drawn on the sampled bones, each with probability proportional to its length."""
     lengths = np.linalg.norm(skeleton.tails, axis=-1) * skeleton.sampled
-    drawn = draw_points(lengths, points, np.random.default_rng(seed))
+    drawn = draw_points(lengths, points, rng)
     bones, alphas, offsets = (torch.as_tensor(part, device=device) for part in drawn)
     tails = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device)
     groups = torch.as_tensor(skeleton.groups, device=device).long()[bones.long()]
@@ -124,7 +125,7 @@ def place_on_pose(drawn: DrawnPoints, pose: LocalPose, skeleton: Skeleton) -> Te
 
 def find_clouds(
     scene: Scene,
-    drawn: DrawnPoints,
+    draws: Sequence[DrawnPoints],
     models: CloudModels | None,
     source: CloudSource,
     seed: int,
@@ -133,28 +134,40 @@ def find_clouds(
     """The cloud that the solve follows, and what it is compared with.
 
     Args:
+        draws: one or more draws of points. What the encoder sees of a pose depends on where the points fell, and by
+            jumps; the mean over several draws' latents is far steadier. The first is the cloud where none is encoded.
         models: None will do for the source "true".
         seed: of the decoded points' identities.
         latents: for the source "latents", (N, D) and centroids (N, 3) at the tokens.
     """
+    groups = draws[0].groups
     if models is None or source == "true":
-        points = place_on_pose(drawn, _truth(scene), scene.skeleton)
-        binding = bind_points(points[scene.is_key], drawn.groups, scene.skeleton, *scene.base_world(scene.is_key))
+        points = place_on_pose(draws[0], _truth(scene), scene.skeleton)
+        binding = bind_points(points[scene.is_key], groups, scene.skeleton, *scene.base_world(scene.is_key))
         return Clouds(points, None, binding)
     coder = models.autoencoder
-    plain = coder.encode(place_on_pose(drawn, scene.base, scene.skeleton), drawn.groups)
+    plain = _encode_mean(coder, scene.base, draws, scene.skeleton)
     if source == "synthesised":
         better = models.synthesise(*plain, scene.is_key, scene.times, plain)
     elif latents is not None:
         better = latents
     else:
-        better = coder.encode(place_on_pose(drawn, _truth(scene), scene.skeleton), drawn.groups)
-    noise = coder.draw_noise(len(drawn.groups), seed)
-    reference = coder.decode(*plain, scene.times, drawn.groups, noise).to(scene.device)
-    points = coder.decode(*better, scene.times, drawn.groups, noise).to(scene.device)
+        better = _encode_mean(coder, _truth(scene), draws, scene.skeleton)
+    noise = coder.draw_noise(len(groups), seed)
+    reference = coder.decode(*plain, scene.times, groups, noise).to(scene.device)
+    points = coder.decode(*better, scene.times, groups, noise).to(scene.device)
     shown = torch.as_tensor(scene.tokens.spread(), device=scene.device)
-    binding = bind_points(reference[shown], drawn.groups, scene.skeleton, *scene.base_world(shown))
+    binding = bind_points(reference[shown], groups, scene.skeleton, *scene.base_world(shown))
     return Clouds(points, reference, binding)
+
+
+def _encode_mean(
+    coder: CloudAutoencoder, pose: LocalPose, draws: Sequence[DrawnPoints], skeleton: Skeleton
+) -> tuple[Tensor, Tensor]:
+    """Latents (T, D) and centroids (T, 3) of a pose, means over the draws."""
+    encoded = [coder.encode(place_on_pose(drawn, pose, skeleton), drawn.groups) for drawn in draws]
+    latents, centroids = (torch.stack(parts).mean(0) for parts in zip(*encoded, strict=True))
+    return latents, centroids
 
 
 def _truth(scene: Scene) -> LocalPose:

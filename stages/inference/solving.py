@@ -37,7 +37,7 @@ class SolveOptions:
     iterations:     the most Gauss-Newton steps of a frame.
     """
 
-    point_noise_m: float = 0.02
+    point_noise_m: float = 0.06
     huber_m: float = 0.05
     turn_prior_rad: float = 0.5
     shift_prior_m: float = 0.3

@@ -132,20 +132,21 @@ def test_latents_given_are_decoded(models):
     from stages.inference.clouds import draw_on_skeleton, place_on_pose
     from stages.inference.local_pose import pose_of_motion
 
-    drawn = draw_on_skeleton(skeleton, 64, 3, 0.05)
+    drawn = draw_on_skeleton(skeleton, 64, np.random.default_rng(3), 0.05)
     points = place_on_pose(drawn, pose_of_motion(skeleton, motion), skeleton)
     latents = models.encode(points, drawn.groups)
+    one = FillOptions(draws=1)
     given = fill_motion(
-        skeleton, junk(motion, known), known, models, cloud="latents", latents=latents, points=64, seed=3
+        skeleton, junk(motion, known), known, models, cloud="latents", latents=latents, points=64, seed=3, options=one
     )
-    found = fill_motion(skeleton, motion, known, models, cloud="reconstructed", points=64, seed=3)
+    found = fill_motion(skeleton, motion, known, models, cloud="reconstructed", points=64, seed=3, options=one)
     np.testing.assert_allclose(given.motion.rotations, found.motion.rotations, atol=1e-3)
 
 
 def test_a_gap_that_cannot_be_followed_falls_back(models):
     skeleton, known = humanoid(), keys_every(31, 10)
     motion = swinging(skeleton, 31)
-    options = FillOptions(give_up_m=0.0, base_smooth=0.0)
+    options = FillOptions(give_up_m=0.0, base_smooth=0.0, draws=1)
     filled = fill_motion(skeleton, motion, known, models, points=64, options=options)
     assert filled.plain[~known].all()
     plain = fill_motion(skeleton, motion, known, models, points=64, options=replace(options, trust=0.0))

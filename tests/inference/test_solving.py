@@ -20,7 +20,7 @@ def scene(frames: int = 6, above: bool = False, points: int = 64):
     skeleton = humanoid(above=above)
     motion = swinging(skeleton, frames)
     pose = pose_of_motion(skeleton, motion)
-    drawn = draw_on_skeleton(skeleton, points, 0, 0.05)
+    drawn = draw_on_skeleton(skeleton, points, np.random.default_rng(0), 0.05)
     binding = Binding(drawn.bones.long(), drawn.in_bone, torch.ones(points), torch.zeros(points))
     return skeleton, motion, pose, drawn, binding
 
