@@ -31,7 +31,7 @@ def summary_md(
     parts = [
         "# Evaluation\n",
         f"{len({row.clip for row in rows})} clips ({', '.join(config.splits)} split) of the motion artefact "
-        f"`{motion.manifest.digest[:16]}`, at 30 frames a second; {len({r.skeleton for r in rows})} skeletons; "
+        f"`{motion.manifest.digest[:16]}`, at 30 frames a second; skeletons: {len({r.skeleton for r in rows})}; "
         f"{_windows_text(config)}; seed {config.seed}; protocol `{config.protocol}` (docs/evaluation.md defines "
         "every figure).\n",
         f"Made by:\n\n```\n{command_line(config)}\n```\n",

@@ -114,6 +114,7 @@ def _scene(name: str, motions: list[Played], config: Config) -> dict:
         "keys": [int(key) for key in keys if key < len(cloud)],
         "floor": round(float(np.percentile(cloud[..., 1].min(axis=1), 2)), 4),
         "height": round(float(np.percentile(np.ptp(cloud[..., 1], axis=1), 90)), 4),
+        "size": round(float(np.percentile(np.ptp(cloud, axis=1).max(axis=1), 90)), 4),
         "motions": [_packed(played, figure, origin) for played, figure in zip(kept, figures, strict=True)],
     }
 
@@ -206,9 +207,11 @@ def _look(skeleton: Skeleton, joint: int, *, ball: bool = False) -> list[int]:
 
 
 def _head(skeleton: Skeleton) -> int | None:
-    """The head's joint, by its name; a robot may have none."""
-    named = [j for j, name in enumerate(skeleton.names) if "head" in name.lower() and skeleton.sampled[j]]
-    return named[0] if named else None
+    """The joint that carries the head, by name: the head, or a neck that nothing follows; a robot may have none."""
+    names = [name.lower() if skeleton.sampled[j] else "" for j, name in enumerate(skeleton.names)]
+    heads = [j for j, name in enumerate(names) if "head" in name]
+    necks = [j for j, name in enumerate(names) if "neck" in name and j not in skeleton.parents]
+    return next(iter(heads + necks), None)
 
 
 def _below(skeleton: Skeleton, joint: int) -> Iterator[int]:

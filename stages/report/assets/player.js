@@ -61,7 +61,7 @@ class Player {
     const first = this.first = this.scene.motions[0];
     this.errors = this.scene.motions.slice(1).map((m) => m.distancesTo(first));
     this.camera.target = [0, this.scene.floor + 0.52 * this.scene.height, 0];
-    this.camera.distance = 2.15 * this.scene.height;
+    this.camera.distance = 2.1 * this.scene.size;
     this.time = 0;
     byId("legend").innerHTML = "";
     this.scene.motions.forEach((m, i) => {

@@ -161,7 +161,7 @@ function drawFigure(ctx, project, motion, frame, colours, single) {
 }
 
 function ball(ctx, s, t, scale, colour, rim) {
-  const length = Math.hypot(t[0] - s[0], t[1] - s[1]) / scale, radius = Math.min(0.13, Math.max(0.085, length * 0.55));
+  const length = Math.hypot(t[0] - s[0], t[1] - s[1]) / scale, radius = Math.min(0.11, Math.max(0.085, length * 0.55));
   ctx.beginPath();
   ctx.arc((s[0] + t[0]) / 2, (s[1] + t[1]) / 2, radius * scale, 0, 7);
   ctx.fillStyle = colour;
