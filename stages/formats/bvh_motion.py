@@ -20,7 +20,7 @@ from stages.formats.bvh_rows import layout_of, local_quaternions, values_of
 from stages.kinematics import reference_pose
 from stages.kinematics.body_groups import BodyParts, find_body_parts
 
-__all__ = ["motion_of", "rate_of", "values_of"]
+__all__ = ["motion_of", "places_of", "rate_of", "values_of"]
 
 STILL_M = 1e-4  # a position that moves less than this is still: exporters write rounding noise
 _GUIDE_FRAMES = 16
@@ -64,7 +64,10 @@ def _motion_of(
     local = local_quaternions(bvh.joints, values)
     rotations = _chain(local, body.parents)
     guides = _guide_frames(len(values)) if rest_frame is None else np.array([rest_frame])
-    world = _world_positions(heads.select(guides), rotations[guides], body.parents)
+    opening = np.arange(min(_TRIM_LOOKAHEAD, len(values)))
+    looked_at = np.concatenate([opening, guides])
+    world = _world_positions(heads.select(looked_at), rotations[looked_at], body.parents)
+    world, opening_world = world[len(opening) :], world[: len(opening)] * body.unit_m
     parts = body.parts
     up_axis = reference_pose.find_up_axis(body.rest, world, parts)
     turn = reference_pose.turn_to_y_up(up_axis)
@@ -80,13 +83,13 @@ def _motion_of(
         roots = turn.apply(roots)
         rotations = euler.multiply(turn.as_quat(), rotations)
     motion = Motion(
-        rotations=_continuous(rotations).astype(np.float32),
+        rotations=np.ascontiguousarray(_continuous(rotations), np.float32),
         root_positions=roots.astype(np.float32),
         fps=fps_override or rate_of(bvh.frame_time),
         track_joints=np.array(heads.moving, np.int32),
         tracks=(heads.tracks * body.unit_m).astype(np.float32),
     )
-    drop = _frames_to_trim(motion, skeleton, trim_first)
+    drop = _frames_to_trim(motion.frames, opening_world[:, skeleton.sampled], trim_first)
     if drop:
         why = ": a calibration pose and what swings in from it" if str(trim_first) == "auto" else ""
         notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
@@ -147,12 +150,15 @@ def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray) -> _Body:
     except InputError:  # the header alone makes no figure; perhaps the rows do
         body, placing = None, {0}
     layout = layout_of(joints)
+    is_placing = np.zeros(len(joints), bool)
+    is_placing[list(placing)] = True
     offsets = np.array(header)
     at = (layout.position_joints, layout.position_axes)
     mean = values[:, layout.position_columns].mean(axis=0)
     sizes = np.maximum(np.linalg.norm(offsets, axis=1), 1e-6)[layout.position_joints]
-    # The unit is not known yet: "differs" is meant against the size of the offset itself.
-    differs = (np.abs(mean - offsets[at]) > 1e-3 * sizes) & ~np.isin(layout.position_joints, list(placing))
+    # The unit is not known yet: "differs" is meant against the size of the offset itself. Less is a track's affair:
+    # clips of one rig must not have skeletons of their own because they move a joint a little.
+    differs = (np.abs(mean - offsets[at]) > 1e-2 * sizes) & ~is_placing[layout.position_joints]
     if body is not None and not differs.any():
         return body
     offsets[at[0][differs], at[1][differs]] = np.round(mean[differs], 6)
@@ -240,10 +246,11 @@ def _positions(joints: tuple[BvhJoint, ...], body: _Body, values: np.ndarray) ->
 
 def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Global rotations (T, J, 4) of local ones, one depth of the tree at a time."""
-    out = local.copy()
+    parts = local.transpose(2, 1, 0)
+    out = parts.copy()
     for level in _levels(parents.tobytes()):
-        out[:, level] = euler.multiply(out[:, parents[level]], local[:, level])
-    return out
+        out[:, level] = euler.multiply_parts(out[:, parents[level]], parts[:, level])
+    return out.transpose(2, 1, 0)
 
 
 @lru_cache(maxsize=64)
@@ -256,8 +263,14 @@ def _levels(parents_bytes: bytes) -> list[np.ndarray]:
     return [np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1)]
 
 
+def places_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
+    """(T, J, 3) float64 joint heads in the world, metres, without loading torch as the floors above do."""
+    heads = _Heads(skeleton.offsets, motion.root_positions, motion.track_joints.tolist(), motion.tracks)
+    return _world_positions(heads, motion.rotations.astype(np.float64), skeleton.parents)
+
+
 def _world_positions(heads: _Heads, rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """(F, J, 3) joint heads in the world, file unit and axes."""
+    """(F, J, 3) joint heads in the world, in the heads' unit and axes."""
     out = np.zeros((len(rotations), len(parents), 3))
     offsets = np.tile(heads.offsets, (len(rotations), 1, 1))
     offsets[:, heads.moving] = heads.tracks
@@ -275,24 +288,24 @@ def _guide_frames(frames: int) -> np.ndarray:
 
 def _continuous(rotations: np.ndarray) -> np.ndarray:
     """Flip signs so that each quaternion lies on the same half as the one before it in time."""
-    if len(rotations) < 2:
-        return rotations
-    agree = np.einsum("tjc,tjc->tj", rotations[1:], rotations[:-1])
-    flips = np.where(agree < 0, -1.0, 1.0).cumprod(axis=0)
-    rotations[1:] *= flips[..., None]
-    return rotations
+    parts = rotations.transpose(2, 1, 0)
+    agree = (parts[..., 1:] * parts[..., :-1]).sum(axis=0)
+    flips = np.where(agree < 0, -1.0, 1.0).cumprod(axis=1)
+    parts[..., 1:] *= flips
+    return parts.transpose(2, 1, 0)
 
 
-def _frames_to_trim(motion: Motion, skeleton: Skeleton, trim_first: str | int) -> int:
+def _frames_to_trim(frames: int, opening: np.ndarray, trim_first: str | int) -> int:
+    """How many frames to drop; `opening` (F, J, 3) metres are the seen joints in the first frames."""
     if str(trim_first) != "auto":
         try:
             count = int(trim_first)
         except ValueError:
             raise InputError(f"Frames to trim must be a number or auto, not '{trim_first}'.") from None
-        if not 0 <= count < motion.frames:
-            raise InputError(f"Cannot trim {count} of its {motion.frames} frames.")
+        if not 0 <= count < frames:
+            raise InputError(f"Cannot trim {count} of its {frames} frames.")
         return count
-    steps = _fastest_steps(motion, skeleton, _TRIM_LOOKAHEAD)
+    steps = np.linalg.norm(np.diff(opening, axis=0), axis=-1).max(axis=1)
     if len(steps) < 8 or steps[0] < _JUMP_M or steps[0] < 2 * steps[1:8].max():
         return 0
     # A filter ran over such a jump in many recordings: limbs still swing in from it for a few frames.
@@ -301,13 +314,3 @@ def _frames_to_trim(motion: Motion, skeleton: Skeleton, trim_first: str | int) -
     while count < 8 and usual and steps[count] > 3 * usual and steps[count] > 0.02:
         count += 1
     return count
-
-
-def _fastest_steps(motion: Motion, skeleton: Skeleton, frames: int) -> np.ndarray:
-    """How far the fastest seen joint goes from frame to frame, metres, over the first frames."""
-    count = min(frames, motion.frames)
-    heads = _Heads(
-        skeleton.offsets, motion.root_positions[:count], motion.track_joints.tolist(), motion.tracks[:count]
-    )
-    places = _world_positions(heads, motion.rotations[:count].astype(np.float64), skeleton.parents)
-    return np.linalg.norm(np.diff(places[:, skeleton.sampled], axis=0), axis=-1).max(axis=1)

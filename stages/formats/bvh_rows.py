@@ -13,6 +13,8 @@ from stages.formats.bvh import BvhFile
 from stages.formats.bvh_header import POSITION_CHANNELS, BvhJoint
 from stages.kinematics.reference_pose import turn_to_y_up
 
+_LONG_FRAMES = 1000
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -55,11 +57,19 @@ def layout_of(joints: tuple[BvhJoint, ...]) -> Layout:
 
 
 def local_quaternions(joints: tuple[BvhJoint, ...], values: np.ndarray) -> np.ndarray:
-    """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C)."""
-    out = np.empty((len(values), len(joints), 4))
+    """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C).
+
+    In memory the components lie apart and time runs fastest, since everything done with them runs along time.
+    """
+    channels = np.ascontiguousarray(values.T)
+    parts = np.empty((4, len(joints), len(values)))
     for order, indices, columns in layout_of(joints).rotations:
-        out[:, indices] = euler.to_quaternions(values[:, columns], order)
-    return out
+        # Short clips: all joints of an order at once, few calls. Long ones: joint by joint, which stays in the cache
+        # and leaves out channels that never turn.
+        together = [slice(None)] if len(values) < _LONG_FRAMES else range(len(indices))
+        for some in together:
+            parts[:, indices[some]] = euler.quaternion_parts(np.moveaxis(channels[columns[some]], -2, 0), order)
+    return parts.transpose(2, 1, 0)
 
 
 def values_of(bvh: BvhFile, skeleton: Skeleton, motion: Motion, near: np.ndarray | None = None) -> np.ndarray:

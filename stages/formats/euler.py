@@ -14,39 +14,43 @@ _LOCKED = 1e-6  # cosine of the middle angle below which only a sum of the outer
 
 def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
     """Quaternions (..., 4) xyzw of channel angles (..., n) degrees about `axes` ("ZXY", "Y", ...), n of 0 to 3."""
-    parts = np.zeros((4, *angles.shape[:-1]))  # components apart: each step then runs over whole arrays
+    return np.moveaxis(quaternion_parts(np.moveaxis(angles, -1, 0), axes), 0, -1)
+
+
+def quaternion_parts(angles: np.ndarray, axes: str) -> np.ndarray:
+    """Components (4, ...) of the quaternions of channel angles (n, ...): each step then runs over whole arrays."""
+    parts = np.zeros((4, *angles.shape[1:]))
     parts[3] = 1.0
-    for i, axis in enumerate(axes):
-        half = angles[..., i] * (np.pi / 360)
+    for angle, axis in zip(angles, axes, strict=True):
+        if not angle.any():  # robots have many a channel that never turns
+            continue
+        half = angle * (np.pi / 360)
         sin, cos = np.sin(half), np.cos(half)
-        if i == 0:
-            parts[_AXIS[axis]], parts[3] = sin, cos
-        else:
-            parts = _turned_about(parts, _AXIS[axis], sin, cos)
-    return np.moveaxis(parts, 0, -1)
-
-
-def _turned_about(parts: np.ndarray, axis: int, sin: np.ndarray, cos: np.ndarray) -> np.ndarray:
-    """Quaternions (4, ...) times a rotation about one of their own axes, cheaper than a whole product."""
-    after, last = (axis + 1) % 3, (axis + 2) % 3
-    out = np.empty_like(parts)
-    out[axis] = parts[axis] * cos + parts[3] * sin
-    out[after] = parts[after] * cos + parts[last] * sin
-    out[last] = parts[last] * cos - parts[after] * sin
-    out[3] = parts[3] * cos - parts[axis] * sin
-    return out
+        first, after, last, w = (parts[(_AXIS[axis] + k) % 3] if k < 3 else parts[3] for k in range(4))
+        turned = (first * cos + w * sin, after * cos + last * sin, last * cos - after * sin, w * cos - first * sin)
+        for k in range(3):
+            parts[(_AXIS[axis] + k) % 3] = turned[k]
+        parts[3] = turned[3]
+    return parts
 
 
 def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Products of quaternions (..., 4) xyzw."""
-    x1, y1, z1, w1 = (left[..., i] for i in range(4))
-    x2, y2, z2, w2 = (right[..., i] for i in range(4))
-    out = np.empty(np.broadcast_shapes(left.shape, right.shape))
-    out[..., 0] = w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2
-    out[..., 1] = w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2
-    out[..., 2] = w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2
-    out[..., 3] = w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2
-    return out
+    return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(right, -1, 0)), 0, -1)
+
+
+def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Products of quaternions given by components (4, ...)."""
+    x1, y1, z1, w1 = left
+    x2, y2, z2, w2 = right
+    return np.stack(
+        [
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        ]
+    )
 
 
 def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -10,10 +10,9 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
 from stages.config import StageReport
 from stages.formats.bvh import BvhFile, BvhJoint, read_bvh
-from stages.formats.bvh_motion import motion_of
+from stages.formats.bvh_motion import motion_of, places_of
 from stages.formats.sources import Source, find_sources
 from stages.inspect_file.config import Config
-from stages.kinematics.forward import positions_of
 from stages.progress import SILENT, Progress
 
 _SHORT = {"Xposition": "x", "Yposition": "y", "Zposition": "z", "Xrotation": "X", "Yrotation": "Y", "Zrotation": "Z"}
@@ -74,7 +73,7 @@ def _describe(source: Source, rest_frame: int | None) -> StageReport:
 
 
 def _figure_facts(skeleton: Skeleton, motion: Motion) -> tuple[list[str], dict[str, Any]]:
-    seen = positions_of(skeleton, motion)[:, skeleton.sampled]
+    seen = places_of(skeleton, motion)[:, skeleton.sampled]
     height = float(np.percentile(seen[..., 1].max(axis=1) - seen[..., 1].min(axis=1), 90))
     tracks = [skeleton.names[joint] for joint in motion.track_joints]
     groups = {
@@ -100,7 +99,7 @@ def _motion_problems(skeleton: Skeleton, motion: Motion) -> list[str]:
     if motion.frames < 2:
         return ["There is only one frame: a pose, no motion."]
     speeds = (
-        np.linalg.norm(np.diff(positions_of(skeleton, motion)[:, skeleton.sampled], axis=0), axis=-1) * motion.fps
+        np.linalg.norm(np.diff(places_of(skeleton, motion)[:, skeleton.sampled], axis=0), axis=-1) * motion.fps
     )
     fastest = speeds.max(axis=1)
     jumps = np.flatnonzero(fastest > _JUMP_M_S)
