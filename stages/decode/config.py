@@ -14,8 +14,10 @@ class Config(DeviceConfig):
 
     latent: Path = Field(description="The latent artefact.")
     ae: Path = Field(description="The autoencoder's checkpoint artefact.")
-    motion: Path | None = Field(None, description="Motion artefact whose keyframes anchor the skeletons; none: clouds only.")
-    keyframes: str = Field("every:15", description="Which frames of the motion are known.")
+    motion: Path | None = Field(
+        None, description="Motion artefact whose keyframes anchor skeletons; none: clouds only."
+    )
+    keyframes: str = Field("every:15", description="Which frames of the motion, at 30 fps, are known.")
     splits: tuple[str, ...] = Field(("test",), description="Which splits to decode.")
     points: int = Field(256, description="Points of the cloud.")
     output: Path = Field(description="Folder of the artefact: tpc without --motion, motion with it.")
