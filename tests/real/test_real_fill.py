@@ -1,0 +1,95 @@
+"""Filling on real motion capture: the solve on true clouds against slerp, and infill on files of two rigs."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.formats.bvh import read_bvh
+from stages.formats.bvh_motion import motion_of
+from stages.inference.filling import FillOptions, fill_motion
+from stages.inference.local_pose import rows_of_motion
+from stages.infill.config import Config
+from stages.infill.run import run
+from stages.kinematics.forward import positions_of
+from stages.kinematics.resampling import resample
+from tests.inference.examples import write_random_weights
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+SALSA_FPS = 60.0  # the files say 120
+WINDOWS = 4
+
+pytestmark = [pytest.mark.real, pytest.mark.skipif(not DATA.is_dir(), reason="no real motion capture here")]
+
+
+def windows_of(archive: str) -> list[tuple[Skeleton, Motion]]:
+    """121-frame windows at 30 fps of the archive's first test clips that are long enough."""
+    fps = SALSA_FPS if archive.startswith("cmu") else None
+    members = json.loads((DATA / "splits.json").read_text())[archive]["test"]
+    windows: list[tuple[Skeleton, Motion]] = []
+    with zipfile.ZipFile(DATA / archive) as bundle:
+        for member in members:
+            if len(windows) == WINDOWS:
+                break
+            skeleton, motion, _ = motion_of(
+                read_bvh(bundle.read(member), member), fps_override=fps, trim_first="auto"
+            )
+            motion = resample(motion, 30.0)
+            if motion.frames >= 121:
+                start = (motion.frames - 121) // 2
+                windows.append((skeleton, rows_of_motion(motion, np.arange(start, start + 121))))
+    return windows
+
+
+def l2p_m(skeleton: Skeleton, motion: Motion, truth: Motion) -> float:
+    away = (positions_of(skeleton, motion) - positions_of(skeleton, truth))[:, skeleton.groups >= 0]
+    return float(np.sqrt((away**2).sum((-1, -2))).mean())
+
+
+@pytest.mark.parametrize("archive", ["bandai-namco-1.zip", "cmu-dance.zip", "lafan1-g1.zip"])
+@pytest.mark.parametrize("step", [15, 30])
+def test_solve_on_true_clouds_beats_slerp_by_far(archive: str, step: int):
+    known = np.zeros(121, bool)
+    known[::step] = True
+    slerp = FillOptions(trust=0.0, base_smooth=0.0)
+    made, plain = [], []
+    for seed, (skeleton, motion) in enumerate(windows_of(archive)):
+        made.append(
+            l2p_m(skeleton, fill_motion(skeleton, motion, known, None, cloud="true", seed=seed).motion, motion)
+        )
+        base = fill_motion(skeleton, motion, known, None, cloud="true", seed=seed, options=slerp)
+        plain.append(l2p_m(skeleton, base.motion, motion))
+    assert np.mean(made) < 0.1 * np.mean(plain)
+    assert max(a / b for a, b in zip(made, plain, strict=True)) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("archive", "member", "keys", "step"),
+    [
+        ("cmu-dance.zip", "cmu-dance/indian/06.bvh", "every:60", 60),
+        ("bandai-namco-2.zip", "bandai-namco-2/dataset-2_raise-up-both-hands_active_020.bvh", "every:15", 15),
+        ("lafan1-g1.zip", "lafan1-g1/walk3_subject4.bvh", "0:400:20", 20),
+    ],
+)
+def test_infilled_files_keep_header_and_keys_and_open_elsewhere(archive, member, keys, step, tmp_path):
+    bvh_module = pytest.importorskip("pymotion.io.bvh")
+    source, output = tmp_path / "in.bvh", tmp_path / "out.bvh"
+    with zipfile.ZipFile(DATA / archive) as bundle:
+        source.write_bytes(bundle.read(member))
+    weights = write_random_weights(tmp_path / "weights")
+    run(Config(input=source, output=output, keyframes=keys, weights=str(weights), device="cpu", points=64))
+    before, after = source.read_bytes(), output.read_bytes()
+    cut = before.index(b"MOTION")
+    assert after[:cut] == before[:cut]
+    old, new = read_bvh(before, "in"), read_bvh(after, "out")
+    assert new.frames == old.frames and new.motion_head == old.motion_head
+    last = 380 if keys.startswith("0:") else old.frames - 1
+    assert all(new.rows[k] == old.rows[k] for k in [*range(0, last + 1, step), *range(last, old.frames)])
+    theirs = bvh_module.BVH()
+    theirs.load(str(output))
+    assert len(theirs.data["names"]) == len(old.joints) and len(theirs.data["rotations"]) == old.frames
