@@ -33,7 +33,7 @@ from stages.inference.clouds import (
 from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
 from stages.inference.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
-from stages.inference.token_times import Tokens, choose_tokens
+from stages.inference.token_times import choose_tokens
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.plain_interpolation import damped_smoothness, interpolate_values
 
@@ -45,6 +45,9 @@ class FillOptions:
     solve:       strength of the solve's prior.
     base_smooth: 0 starts from slerp, 1 from the cubic through the keys; None from the damped cubic, as in training.
     smooth_span: corrections are smoothed in time over about this many model frames (0: not at all).
+    turn_floor_rad: what a joint's correction is worth nothing below, root mean square over a gap; larger ones shrink
+                 by what this leaves of their power (James and Stein), so that where the base is right it stays.
+    shift_floor_m: the same of the pelvis' shift.
     trust:       corrections are multiplied by this; 0 gives the base.
     give_up_m:   a gap whose points are left this far from their targets, on average, falls back to the base.
     sigma_m:     spread of the cloud around the bones.
@@ -53,16 +56,19 @@ class FillOptions:
 
     solve: SolveOptions = field(default_factory=SolveOptions)
     base_smooth: float | None = None
-    smooth_span: float = 2.0
+    smooth_span: float = 1.5
+    turn_floor_rad: float = 0.03
+    shift_floor_m: float = 0.004
     trust: float = 1.0
     give_up_m: float = 0.25
     sigma_m: float = 0.05
     draws: int = 4
 
 
+# Points without error: believe them.
 TRUE_CLOUD = FillOptions(
-    solve=SolveOptions(point_noise_m=0.02), smooth_span=0.0
-)  # points without error: believe them
+    solve=SolveOptions(point_noise_m=0.02), smooth_span=0.0, turn_floor_rad=0.0, shift_floor_m=0.0
+)
 
 
 @dataclass(frozen=True)
@@ -89,7 +95,7 @@ class Filled:
 
 
 class _Applied(NamedTuple):
-    """Corrections as applied at the tokens: turns (N, J, 3) radians, shifts (N, 3) metres, (N,) True: fell back."""
+    """Corrections as applied at the tokens: turns (N, J, 3) radians, shifts (N, 3) metres, (N, J) True: fell back."""
 
     turns: Tensor
     shifts: Tensor
@@ -148,7 +154,7 @@ def fill_motion(
         pose = _corrected(scene, applied, frame_base, gap_times)
     filled = replace_rows(skeleton, motion, pose, gaps)
     plain = np.zeros(filled.rotations.shape[:2], bool)
-    plain[gaps] = ~solved.seen.cpu().numpy() | applied.fallen[tokens.nearest(gaps)][:, None]
+    plain[gaps] = applied.fallen[tokens.nearest(gaps)]
     jump_frames = _keys_at_gaps(known)
     return Filled(
         filled,
@@ -232,23 +238,35 @@ def _solve_tokens(scene: Scene, clouds: Clouds, options: SolveOptions) -> Correc
     return Corrections(turns, shifts, parts[0].seen, residual)
 
 
-def _fallen_back(solved: Corrections, tokens: Tokens, give_up_m: float) -> np.ndarray:
-    """(N,) True for tokens of a gap in which the points could not be followed."""
+def _believed(scene: Scene, solved: Corrections, options: FillOptions) -> _Applied:
+    """Corrections shrunk by how far they stand out, gap by gap; none in gaps whose points could not be followed."""
+    turns, shifts = torch.zeros_like(solved.turns), torch.zeros_like(solved.shifts)
+    fallen = np.repeat(~solved.seen.cpu().numpy()[None], len(turns), axis=0)
     broken = ~torch.isfinite(solved.turns.flatten(1).sum(-1) + solved.shifts.sum(-1) + solved.residual)
-    residual = torch.where(broken, torch.inf, solved.residual).cpu().numpy()
-    fallen = np.zeros(len(residual), bool)
-    for gap in tokens.gaps():
-        fallen[gap] = residual[gap].mean() > give_up_m
-    return fallen
+    residual = torch.where(broken, torch.inf, solved.residual)
+    for gap in scene.tokens.gaps():
+        if float(residual[gap].mean()) > options.give_up_m:
+            fallen[gap] = True
+            continue
+        shares = _shares(solved.turns[gap], options.turn_floor_rad)
+        turns[gap] = solved.turns[gap] * shares.unsqueeze(-1)
+        shifts[gap] = solved.shifts[gap] * _shares(solved.shifts[gap], options.shift_floor_m)
+        fallen[gap] |= (shares == 0).cpu().numpy()
+    return _Applied(turns, shifts, fallen)
+
+
+def _shares(corrections: Tensor, floor: float) -> Tensor:
+    """(...) what to keep of a gap's corrections (n, ..., 3): 1 - floor^2 / their mean square, at least 0."""
+    power = corrections.square().sum(-1).mean(0)
+    return (1 - floor**2 / power.clamp(min=1e-20)).clamp(min=0)
 
 
 def _smoothed(scene: Scene, solved: Corrections, options: FillOptions) -> _Applied:
-    """Corrections as they are applied: zero at keys and in gaps that fell back."""
+    """Corrections as they are applied: shrunk, smooth in time, zero at keys and where they fell back."""
     base, tokens = scene.base, scene.tokens
-    fallen = _fallen_back(solved, tokens, options.give_up_m)
-    still = tokens.is_key | fallen
-    turns = solved.turns[:, solved.seen].flatten(1)
-    values = torch.cat([turns, solved.shifts], -1).double().cpu().numpy()
+    believed = _believed(scene, solved, options)
+    values = torch.cat([believed.turns[:, solved.seen].flatten(1), believed.shifts], -1).double().cpu().numpy()
+    still = tokens.is_key | believed.fallen.all(axis=1)
     values = np.where(still[:, None], 0.0, values)
     if options.smooth_span > 0:
         turning = bends_of_rotations(base.local[:, solved.seen], tokens.times).reshape(len(values), -1)
@@ -258,7 +276,8 @@ def _smoothed(scene: Scene, solved: Corrections, options: FillOptions) -> _Appli
     smooth = torch.as_tensor(values * options.trust, dtype=torch.float32, device=scene.device)
     out = torch.zeros_like(solved.turns)
     out[:, solved.seen] = smooth[:, :-3].unflatten(-1, (-1, 3))
-    return _Applied(out, smooth[:, -3:], fallen)
+    out = out * torch.as_tensor(~believed.fallen, device=scene.device).unsqueeze(-1)
+    return _Applied(out, smooth[:, -3:], believed.fallen)
 
 
 def _corrected(scene: Scene, applied: _Applied, frame_base: LocalPose, frame_times: Tensor) -> LocalPose:

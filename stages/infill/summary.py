@@ -12,7 +12,10 @@ from stages.kinematics.conventions import MODEL_FPS
 
 STRANGE_RIG_M = 0.1  # decoded points that stray this far on their bones: the autoencoder does not know such a rig
 WORST_SHOWN = 5
+ROWS_SHOWN = 20
 EVERY_BONE = "every bone"
+UNSEEN = "no point of the cloud rides on them, or none moved surely"
+UNSURE = "the points did not move surely enough"
 
 
 def warnings_of(skeleton: Skeleton, filled: Filled, longest_trained_gap: int) -> list[str]:
@@ -48,18 +51,21 @@ def fallbacks_of(skeleton: Skeleton, plain: np.ndarray, first: int, missing: np.
     rows: list[dict[str, Any]] = []
     if len(missing) == 0:
         return rows
+    names = np.array(skeleton.names, dtype=object)
     never = np.asarray(plain[missing].all(axis=0))
-    # Bones that no point rides on are plain in every gap; a gap that was given up is plain in every bone.
-    gave_up = plain[missing].all(axis=1)
-    if not gave_up.all() and bool(never.any()):
-        names = [name for name, one in zip(skeleton.names, never, strict=True) if one]
+    if never.any() and not never.all():
         span = (int(missing[0]) + first, int(missing[-1]) + first)
-        rows.append({"frames": span, "bones": names, "why": "no point of the cloud rides on them"})
-    given_up = missing[gave_up]
-    for run in np.split(given_up, np.flatnonzero(np.diff(given_up) > 1) + 1):
-        if len(run):
+        rows.append({"frames": span, "bones": names[never].tolist(), "why": UNSEEN})
+    if never.all():
+        never = np.zeros_like(never)
+    # Frames that follow each other, a key between them counting as nothing, and fell back in the same bones.
+    change = np.flatnonzero((plain[missing[1:]] != plain[missing[:-1]]).any(axis=1)) + 1
+    for run in np.split(missing, change):
+        bones = plain[run[0]] & ~never
+        if bones.any():
             span = (int(run[0]) + first, int(run[-1]) + first)
-            rows.append({"frames": span, "bones": [EVERY_BONE], "why": "the points could not be followed"})
+            told = [EVERY_BONE] if plain[run[0]].all() else names[bones].tolist()
+            rows.append({"frames": span, "bones": told, "why": UNSURE})
     return rows
 
 
@@ -68,8 +74,10 @@ def lines_of_fallbacks(rows: list[dict[str, Any]]) -> list[str]:
     if not rows:
         return ["No bone fell back to plain interpolation."]
     lines = ["Fell back to plain interpolation (frames, bones, why):"]
-    lines += [f"  {a}-{b}  {', '.join(row['bones'])}  ({row['why']})" for row in rows for a, b in [row["frames"]]]
-    return lines
+    shown = [f"  {a}-{b}  {', '.join(row['bones'])}  ({row['why']})" for row in rows for a, b in [row["frames"]]]
+    if len(shown) > ROWS_SHOWN:
+        shown = [*shown[:ROWS_SHOWN], f"  and {len(shown) - ROWS_SHOWN} stretches more, all of them under --json"]
+    return lines + shown
 
 
 def lines_of_jumps(frames: np.ndarray, jumps: np.ndarray, plain_jumps: np.ndarray) -> list[str]:

@@ -91,7 +91,7 @@ def write_random_weights(folder: Path, seed: int = 0) -> Path:
     synthesiser = LatentSynthesiser(encoder.latent_width, synthesiser_sizes)
     with torch.no_grad():  # a fresh synthesiser adds nothing; one for tests must do something
         for parameter in synthesiser.parameters():
-            parameter.add_(0.02 * torch.randn_like(parameter))
+            parameter.add_(0.2 * torch.randn_like(parameter))
     both = {f"encoder.{k}": v for k, v in encoder.state_dict().items()}
     both |= {f"decoder.{k}": v for k, v in decoder.state_dict().items()}
     ae = {"network": "autoencoder", "encoder": encoder_sizes.model_dump(), "decoder": decoder_sizes.model_dump()}

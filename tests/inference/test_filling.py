@@ -186,3 +186,16 @@ def test_threads_and_tensors_stay_as_they_were(models):
     skeleton, known = humanoid(), keys_every(20, 10)
     fill_motion(skeleton, swinging(skeleton, 20), known, models, points=32)
     assert before[0] == torch.get_num_threads() and torch.equal(before[1], torch.random.get_rng_state())
+
+
+def test_small_corrections_are_not_believed(models):
+    """Below the floor a joint stays plain and says so; above it little is lost."""
+    skeleton, known = humanoid(), keys_every(61, 15)
+    motion = swinging(skeleton, 61)
+    believing = FillOptions(draws=1, turn_floor_rad=0.0, shift_floor_m=0.0, smooth_span=0.0)
+    deaf = replace(believing, turn_floor_rad=10.0, shift_floor_m=10.0)
+    full = fill_motion(skeleton, motion, known, models, points=64, options=believing)
+    none = fill_motion(skeleton, motion, known, models, points=64, options=deaf)
+    base = fill_motion(skeleton, motion, known, models, points=64, options=replace(believing, trust=0.0))
+    np.testing.assert_allclose(none.motion.rotations, base.motion.rotations, atol=1e-6)
+    assert none.plain[~known].all() and not full.plain[~known].all()
