@@ -15,7 +15,6 @@ from torch import Tensor
 
 from data_schemas.errors import UsageError
 
-
 Smoothness = float | Tensor
 _HALF_SMOOTH_S = 1.3  # a gap of this length keeps half of its smoothness; found on validation clips of four data sets
 

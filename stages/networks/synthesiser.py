@@ -9,6 +9,8 @@ from stages.networks.attention import TimeLayer
 from stages.networks.sizes import SynthesiserSizes
 
 _PLACE_FEATURES = 8
+_FAR_FRAMES = 15.0  # from here on, a missing frame's residual is at its full size
+_FAR_M = 0.3  # the size of a centroid's residual there, metres
 
 
 def neighbouring_keys(known: Tensor) -> tuple[Tensor, Tensor]:
@@ -112,8 +114,16 @@ class LatentSynthesiser(nn.Module):
         frames = torch.where(gate, keys, missing)
         for layer in self.frame_layers:
             frames = layer(frames, times, known=valid)
-        residual = torch.where(gate, 0, self.out(self.norm(frames)).float())
-        return base_latents + residual[..., :-3], base_centroids + residual[..., -3:]
+        far = self._distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
+        residual = self.out(self.norm(frames)).float() * torch.where(gate, 0, far)
+        return base_latents + residual[..., :-3], base_centroids + _FAR_M * far * residual[..., -3:]
+
+    def _distance(self, known: Tensor, times: Tensor) -> Tensor:
+        """(B, T) frames to the nearest key. A plain interpolation's error grows with it (a position's with its
+        square, near a key), so a residual that grows likewise asks outputs of one size of the network everywhere."""
+        first, last = neighbouring_keys(known)
+        since, until = (times - times.gather(1, first)).abs(), (times.gather(1, last) - times).abs()
+        return torch.minimum(since, until).float()
 
     def _place(self, known: Tensor, times: Tensor) -> Tensor:
         """Where a frame stands in its gap, (B, T, 8): all functions of differences of times."""

@@ -18,5 +18,5 @@ class Config(TrainingConfig):
     latent: Path | None = Field(None, description="The latent artefact of the same clips: their statistics.")
     output: Path = Field(description="Folder of the checkpoint artefact.")
     synthesiser: SynthesiserSizes = SynthesiserSizes()
-    centroid_weight: float = Field(0.5, description="Weight of the centroids' error beside the latents'.")
+    latent_weight: float = Field(0.1, description="Weight of the latents' error beside the decoded clouds'.")
     longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")

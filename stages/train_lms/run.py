@@ -31,7 +31,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("reading windows")
         pool, held_back = window_pools(reader)
         trained_on = summary_of(pool, reader)
-        task = SynthesiserTask(config, autoencoder.encoder, pool, held_back, choose_device(config.device))
+        task = SynthesiserTask(config, autoencoder, pool, held_back, choose_device(config.device))
         trained = train(task, config, progress=progress)
         network = {
             "network": "synthesiser",
