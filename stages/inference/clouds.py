@@ -27,6 +27,11 @@ CHUNK_TOKENS = 1024  # bounds the memory of a long clip
 class CloudAutoencoder(Protocol):
     """What filling needs of an autoencoder. Times are real-valued model frames; points are metres in the world."""
 
+    @property
+    def points(self) -> int:
+        """How many points the encoder was trained on."""
+        ...
+
     def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """(T, P, 3) and (P,) to latents (T, D) and centroids (T, 3)."""
         ...
@@ -125,7 +130,8 @@ def place_on_pose(drawn: DrawnPoints, pose: LocalPose, skeleton: Skeleton) -> Te
 
 def find_clouds(
     scene: Scene,
-    draws: Sequence[DrawnPoints],
+    drawn: DrawnPoints,
+    encoded: Sequence[DrawnPoints],
     models: CloudModels | None,
     source: CloudSource,
     seed: int,
@@ -134,25 +140,27 @@ def find_clouds(
     """The cloud that the solve follows, and what it is compared with.
 
     Args:
-        draws: one or more draws of points. What the encoder sees of a pose depends on where the points fell, and by
-            jumps; the mean over several draws' latents is far steadier. The first is the cloud where none is encoded.
+        drawn: the points that are followed: as they are for the source "true", else as many decoded ones, of the same
+            body groups.
+        encoded: draws of points to encode. What the encoder sees of a pose depends on where the points fell, and by
+            jumps; the mean over several draws' latents is far steadier.
         models: None will do for the source "true".
         seed: of the decoded points' identities.
         latents: for the source "latents", (N, D) and centroids (N, 3) at the tokens.
     """
-    groups = draws[0].groups
+    groups = drawn.groups
     if models is None or source == "true":
-        points = place_on_pose(draws[0], _truth(scene), scene.skeleton)
+        points = place_on_pose(drawn, _truth(scene), scene.skeleton)
         binding = bind_points(points[scene.is_key], groups, scene.skeleton, *scene.base_world(scene.is_key))
         return Clouds(points, None, binding)
     coder = models.autoencoder
-    plain = _encode_mean(coder, scene.base, draws, scene.skeleton)
+    plain = _encode_mean(coder, scene.base, encoded, scene.skeleton)
     if source == "synthesised":
         better = models.synthesise(*plain, scene.is_key, scene.times, plain)
     elif latents is not None:
         better = latents
     else:
-        better = _encode_mean(coder, _truth(scene), draws, scene.skeleton)
+        better = _encode_mean(coder, _truth(scene), encoded, scene.skeleton)
     noise = coder.draw_noise(len(groups), seed)
     reference = coder.decode(*plain, scene.times, groups, noise).to(scene.device)
     points = coder.decode(*better, scene.times, groups, noise).to(scene.device)
@@ -165,8 +173,8 @@ def _encode_mean(
     coder: CloudAutoencoder, pose: LocalPose, draws: Sequence[DrawnPoints], skeleton: Skeleton
 ) -> tuple[Tensor, Tensor]:
     """Latents (T, D) and centroids (T, 3) of a pose, means over the draws."""
-    encoded = [coder.encode(place_on_pose(drawn, pose, skeleton), drawn.groups) for drawn in draws]
-    latents, centroids = (torch.stack(parts).mean(0) for parts in zip(*encoded, strict=True))
+    each = [coder.encode(place_on_pose(drawn, pose, skeleton), drawn.groups) for drawn in draws]
+    latents, centroids = (torch.stack(parts).mean(0) for parts in zip(*each, strict=True))
     return latents, centroids
 
 

@@ -51,7 +51,8 @@ class FillOptions:
     trust:       corrections are multiplied by this; 0 gives the base.
     give_up_m:   a gap whose points are left this far from their targets, on average, falls back to the base.
     sigma_m:     spread of the cloud around the bones.
-    draws:       clouds of fresh points to encode; their latents' mean is used. Four win about as much as eight.
+    draws:       clouds of fresh points to encode, each as large as the encoder was trained on; their latents' mean
+                 is used. Four win about as much as eight, and as much as four clouds of four times the points.
     """
 
     solve: SolveOptions = field(default_factory=SolveOptions)
@@ -145,9 +146,10 @@ def fill_motion(
     scene = Scene(skeleton, motion, tokens, base)
     with torch.no_grad():
         rng = np.random.default_rng(seed)
-        count = options.draws if models is not None else 1
-        draws = [draw_on_skeleton(skeleton, points, rng, options.sigma_m, device) for _ in range(max(count, 1))]
-        clouds = find_clouds(scene, draws, models, cloud, seed, latents)
+        drawn = draw_on_skeleton(skeleton, points, rng, options.sigma_m, device)
+        count, size = (0, 0) if models is None else (max(options.draws, 1), models.autoencoder.points)
+        encoded = [draw_on_skeleton(skeleton, size, rng, options.sigma_m, device) for _ in range(count)]
+        clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)
         solved = _solve_tokens(scene, clouds, options.solve)
         applied = _smoothed(scene, solved, options)
         frame_base = key_pose.at(key_times, gap_times, smooth)

@@ -30,6 +30,7 @@ class Autoencoder:
     encoder: FrameEncoder
     decoder: CloudDecoder
     window: int
+    points: int
     licences: tuple[str, ...]
     digest: str
     device: torch.device
@@ -223,6 +224,7 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
         encoder.to(chosen).eval(),
         decoder.to(chosen).eval(),
         int(kept.config["window"]),
+        int(kept.config["points"]),
         tuple(artefact.manifest.licences),
         artefact.manifest.digest,
         chosen,

@@ -95,11 +95,13 @@ def write_random_weights(folder: Path, seed: int = 0) -> Path:
     both = {f"encoder.{k}": v for k, v in encoder.state_dict().items()}
     both |= {f"decoder.{k}": v for k, v in decoder.state_dict().items()}
     ae = {"network": "autoencoder", "encoder": encoder_sizes.model_dump(), "decoder": decoder_sizes.model_dump()}
-    _write(folder / "ae", both, {**ae, "window": 64, "trained_on": "nothing"})
+    _write(folder / "ae", both, {**ae, "window": 64, "points": 32, "trained_on": "nothing"})
     digest = open_artefact(folder / "ae").manifest.digest
     lms = {"network": "synthesiser", "synthesiser": synthesiser_sizes.model_dump(), "encoder_digest": digest}
     _write(
-        folder / "lms", synthesiser.state_dict(), {**lms, "window": 64, "longest_gap": 32, "trained_on": "nothing"}
+        folder / "lms",
+        synthesiser.state_dict(),
+        {**lms, "window": 64, "points": 32, "longest_gap": 32, "trained_on": "nothing"},
     )
     return folder
 

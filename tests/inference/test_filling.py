@@ -132,7 +132,9 @@ def test_latents_given_are_decoded(models):
     from stages.inference.clouds import draw_on_skeleton, place_on_pose
     from stages.inference.local_pose import pose_of_motion
 
-    drawn = draw_on_skeleton(skeleton, 64, np.random.default_rng(3), 0.05)
+    rng = np.random.default_rng(3)
+    draw_on_skeleton(skeleton, 64, rng, 0.05)  # the decoded cloud's; the encoded one comes after it
+    drawn = draw_on_skeleton(skeleton, models.autoencoder.points, rng, 0.05)
     points = place_on_pose(drawn, pose_of_motion(skeleton, motion), skeleton)
     latents = models.encode(points, drawn.groups)
     one = FillOptions(draws=1)
