@@ -3,7 +3,7 @@
     python benchmarks/networks.py [--preset tiny] [--json]
 
 Prints a row for the encoder forward, a training step of the autoencoder, and the matrix product of the machine;
-medians of five after one warm-up. Figures of different machines or moments are not comparable: take ratios in one run.
+medians of five after one warm-up. Figures of different machines or moments do not compare: take ratios in one run.
 """
 
 from __future__ import annotations

@@ -43,7 +43,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         return StageReport(
             output=config.output,
             lines=[
-                f"Encoded {frames} frames of {len(reader.clips)} clips into vectors of {autoencoder.encoder.latent_width}."
+                f"Encoded {frames} frames of {len(reader.clips)} clips, "
+                f"each into {autoencoder.encoder.latent_width} numbers."
             ],
             figures={"clips": len(reader.clips), "frames": frames},
         )

@@ -98,9 +98,7 @@ def _motion_problems(skeleton: Skeleton, motion: Motion) -> list[str]:
     problems = []
     if motion.frames < 2:
         return ["There is only one frame: a pose, no motion."]
-    speeds = (
-        np.linalg.norm(np.diff(places_of(skeleton, motion)[:, skeleton.sampled], axis=0), axis=-1) * motion.fps
-    )
+    speeds = np.linalg.norm(np.diff(places_of(skeleton, motion)[:, skeleton.sampled], axis=0), axis=-1) * motion.fps
     fastest = speeds.max(axis=1)
     jumps = np.flatnonzero(fastest > _JUMP_M_S)
     if len(jumps):

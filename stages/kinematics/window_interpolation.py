@@ -65,7 +65,8 @@ def _held_keys(known: Tensor) -> tuple[Tensor, Tensor]:
     with_ends = known.clone()
     with_ends[:, 0] = True
     with_ends[:, -1] = True
-    return with_ends.nonzero(as_tuple=True)
+    window, frame = with_ends.nonzero(as_tuple=True)
+    return window, frame
 
 
 def _nearest_known(known: Tensor) -> Tensor:

@@ -75,11 +75,10 @@ def _card(name: str, autoencoder: Checkpoint, synthesiser: Checkpoint, licences:
             "",
             *[f"- {licence}" for licence in licences or ["none stated"]],
             "",
-            "What they measure to stands in docs/results.md of the project. Gaps longer than they were trained on get a",
-            "warning; hands' fingers, faces and props are not theirs: those joints are interpolated plainly.",
+            "What they measure to stands in docs/results.md of the project. Gaps longer than those trained on get",
+            "a warning; fingers, faces and props are not theirs: those joints are interpolated plainly.",
             "",
             autoencoder.card.replace("# ", "## ", 1),
             synthesiser.card.replace("# ", "## ", 1),
         ]
     )
-

@@ -14,7 +14,6 @@ class Config(TrainingConfig):
     """Train the autoencoder of clouds on a `tpc` artefact (PUMPS 3.1, 3.2)."""
 
     tpc: Path = Field(description="The tpc artefact to learn from.")
-    output: Path = Field(description="Folder of the checkpoint artefact.")
     encoder: EncoderSizes = EncoderSizes()
     decoder: DecoderSizes = DecoderSizes()
     loss: str = Field("assignment", description="Pairs of points: assignment, or chamfer (PUMPS Table 2).")

@@ -101,8 +101,8 @@ class SynthesiserTask:
             functional.pad(part, (0, 0, 0, spare)).view(batch * pieces, length, -1) for part in (latents, centroids)
         )
         times = torch.arange(float(length), device=latents.device).unsqueeze(0)
-        repeated = groups.repeat_interleave(pieces, 0), noise.repeat_interleave(pieces, 0)
-        made = self.decoder(latents, centroids, times, *repeated)
+        groups, noise = groups.repeat_interleave(pieces, 0), noise.repeat_interleave(pieces, 0)
+        made = self.decoder(latents, centroids, times, groups, noise)
         return made.view(batch, pieces * length, -1, 3)[:, :frames]
 
     def _errors(self, batch: FillBatch, generator: torch.Generator) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
@@ -127,10 +127,10 @@ class SynthesiserTask:
         noise = self.decoder.draw_noise(*point_groups.shape, generator)
         with precision(device, self.config.mixed_precision):
             made = self.networks(latents, centroids, known, times, valid, base)
-            cloud = self._decode(*made, point_groups, noise)
+            cloud = self._decode(made[0], made[1], point_groups, noise)
             with torch.no_grad():
                 truth = self._decode(latents, centroids, point_groups, noise)
-                plain = self._decode(*base, point_groups, noise)
+                plain = self._decode(base[0], base[1], point_groups, noise)
 
         errors = [
             {

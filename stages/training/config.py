@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from pydantic import Field
 
 from stages.config import DeviceConfig
@@ -10,6 +12,7 @@ from stages.config import DeviceConfig
 class TrainingConfig(DeviceConfig):
     """The one training loop's settings."""
 
+    output: Path = Field(description="Folder of the checkpoint artefact.")
     steps: int = Field(10000, description="Optimiser steps.", ge=1)
     batch: int = Field(16, description="Windows in a step.", ge=1)
     window: int = Field(128, description="Frames in a window.", ge=4)

@@ -12,16 +12,19 @@ from torch import Tensor, nn
 class Task(Protocol):
     """One training: its networks, its batches, its loss and its validation."""
 
-    networks: nn.Module
+    @property
+    def networks(self) -> nn.Module: ...
 
     def draw(self, rng: np.random.Generator) -> Any:
         """A batch on the CPU, from `rng` alone; called in another thread, beside the step."""
 
     def loss(self, batch: Any, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
         """The scalar to descend and figures to log; `generator` is for draws inside the networks."""
+        ...
 
     def validate(self) -> dict[str, float]:
         """Figures on held-back windows, always the same; the first is what the best is chosen by (less is better)."""
+        ...
 
 
 def step_seed(seed: int, purpose: int, step: int) -> np.random.Generator:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -95,7 +96,7 @@ class WindowPool:
     def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
         """Windows of up to `window` frames at random places, playback speed varied if `augment`."""
         clips = rng.choice(len(self.lengths), size=batch, p=self.share)
-        speed = np.exp(rng.uniform(*np.log(_SPEED), batch)) if augment else np.ones(batch)
+        speed = _log_uniform(_SPEED, batch, rng) if augment else np.ones(batch)
         span = np.minimum((window - 1) * speed, self.lengths[clips] - 1)
         first = rng.uniform(0, 1, batch) * (self.lengths[clips] - 1 - span)
         if not augment:
@@ -128,7 +129,7 @@ class WindowPool:
 
 def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) -> np.ndarray:
     """Each clip's probability: its data set's share, divided by frames within the data set."""
-    sets = np.array([source.split("!")[0] for source in sources])
+    sets = np.array([source.split("!")[0] if "!" in source else str(Path(source).parent) for source in sources])
     share = np.zeros(len(sets))
     for name in np.unique(sets):
         inside = sets == name
@@ -172,13 +173,17 @@ def draw_clouds(
     in_bone = _in_bone(windows, bones, sigma, rng)
     groups = torch.gather(windows.groups, 1, bones)
     yaw = rng.uniform(0, WHOLE_TURN, batch)
-    size = np.exp(rng.uniform(*np.log(_SIZE), batch)) if augment else np.ones(batch)
+    size = _log_uniform(_SIZE, batch, rng) if augment else np.ones(batch)
     flip = rng.uniform(0, 1, batch) < 0.5 if augment else np.zeros(batch, bool)
     turn = torch.from_numpy(_turns(yaw, size, flip)).float()
     mirrored = torch.tensor(MIRRORED_GROUP)[groups]
     groups = torch.where(torch.from_numpy(flip).unsqueeze(1), mirrored, groups)
     shift = torch.from_numpy(rng.uniform(-0.5, 0.5, (batch, 1, 1, 3)).astype(np.float32))
     return CloudMap(bones, in_bone, groups, sigma, turn, shift)
+
+
+def _log_uniform(limits: tuple[float, float], count: int, rng: np.random.Generator) -> np.ndarray:
+    return np.exp(rng.uniform(np.log(limits[0]), np.log(limits[1]), count))
 
 
 def _torch_generator(rng: np.random.Generator) -> torch.Generator:

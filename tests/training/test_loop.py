@@ -134,10 +134,7 @@ class Parabola:
 
 
 def plain_config(tmp_path, **changes) -> TrainingConfig:
-    class Config(TrainingConfig):
-        output: object
-
-    return Config(
+    return TrainingConfig(
         output=tmp_path / "out",
         **{"steps": 400, "learning_rate": 0.1, "warmup": 10, "validate_every": 20, "average": 0.5, **changes},
     )
@@ -164,7 +161,7 @@ def test_a_loss_that_is_no_number_stops_with_the_mend(tmp_path):
 
 
 def test_the_learning_rate_warms_up_and_falls_to_nothing():
-    config = TrainingConfig(steps=100, warmup=10, learning_rate=1.0)
+    config = TrainingConfig(output="nowhere", steps=100, warmup=10, learning_rate=1.0)
     rates = [learning_rate(config, step) for step in range(100)]
     assert rates[0] == pytest.approx(0.1)
     assert max(rates) == rates[9] == pytest.approx(1.0)
