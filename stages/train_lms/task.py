@@ -124,7 +124,7 @@ class SynthesiserTask:
         else:
             base = latents.clone(), centroids.clone()
             base[0][missing], base[1][missing] = self._encode(batch.base.to(device)[missing], groups[missing])
-        noise = self.decoder.draw_noise(*point_groups.shape, generator)
+        noise = self.decoder.draw_noise(len(point_groups), point_groups.shape[1], generator)
         with precision(device, self.config.mixed_precision):
             made = self.networks(latents, centroids, known, times, valid, base)
             cloud = self._decode(made[0], made[1], point_groups, noise)
