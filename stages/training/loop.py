@@ -7,7 +7,6 @@ takes the same steps as an unbroken one.
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -111,9 +110,6 @@ class _Run:
         weights = self.best_weights or self.average
         arrays = {name: value.detach().cpu().numpy() for name, value in weights.items()}
         return Trained(arrays, state.log, not stopped, state.step, state.seconds, state.best)
-
-    def forget_partial(self) -> None:
-        shutil.rmtree(self.partial, ignore_errors=True)
 
     def _step(self, batch: Any) -> dict[str, float]:
         config, step = self.config, self.state.step

@@ -48,7 +48,7 @@ def finish(
 ) -> StageReport:
     """Write the checkpoint artefact of a finished run and forget the unfinished one; tell of one that is not.
 
-    The optimiser's state is kept, so that training can go on from the artefact; `pumps weights` leaves it out.
+    The optimiser's state went with the unfinished run: what is kept are the averaged weights of the best validation.
     """
     if not trained.finished:
         return StageReport(
