@@ -3,6 +3,7 @@
 - lerp: joints' global positions and quaternions on straight lines between keys; bones may shrink on the way.
 - slerp: local rotations on great circles, root and translation tracks on straight lines, then forward kinematics.
 - cubic: the same with tangents that neighbouring segments share.
+- damped: between the two, the less cubic the longer the gap: what filling starts from, and so what models add to.
 - zero velocity, constant velocity: for prediction, where there is no key to go to.
 """
 
@@ -17,13 +18,14 @@ import torch
 from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
+from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.forward import (
     global_rotations,
     joint_positions,
     local_rotations,
     offsets_over_time,
 )
-from stages.kinematics.plain_interpolation import interpolate_pose
+from stages.kinematics.plain_interpolation import Smoothness, damped_smoothness, interpolate_pose
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,12 @@ def cubic(poses: Poses, known: np.ndarray) -> Filled:
     return _interpolated(poses, known, smooth=1.0)
 
 
+def damped(poses: Poses, known: np.ndarray) -> Filled:
+    """The plain interpolation that filling starts from: cubic in short gaps, slerp in long ones."""
+    keys = torch.as_tensor(np.flatnonzero(known), dtype=torch.float64)
+    return _interpolated(poses, known, smooth=damped_smoothness(keys, MODEL_FPS))
+
+
 def zero_velocity(poses: Poses, known: np.ndarray) -> Filled:
     """The last known frame, held."""
     held = np.maximum.accumulate(np.where(known, np.arange(len(known)), 0))
@@ -105,14 +113,19 @@ def constant_velocity(poses: Poses, known: np.ndarray) -> Filled:
     return _arrays(Poses.from_joints(rotations, roots, offsets, poses.parents))
 
 
-BASELINES: dict[str, Callable[[Poses, np.ndarray], Filled]] = {"lerp": lerp, "slerp": slerp, "cubic": cubic}
+BASELINES: dict[str, Callable[[Poses, np.ndarray], Filled]] = {
+    "lerp": lerp,
+    "slerp": slerp,
+    "cubic": cubic,
+    "damped": damped,
+}
 PREDICTION_BASELINES: dict[str, Callable[[Poses, np.ndarray], Filled]] = {
     "zero-velocity": zero_velocity,
     "constant-velocity": constant_velocity,
 }
 
 
-def _interpolated(poses: Poses, known: np.ndarray, smooth: float) -> Filled:
+def _interpolated(poses: Poses, known: np.ndarray, smooth: Smoothness) -> Filled:
     """All windows in one call: joints are interpolated each on its own, so windows can pass as more joints."""
     keys = np.flatnonzero(known)
     batch, frames, joints = poses.rotations.shape[:3]
