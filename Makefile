@@ -130,8 +130,9 @@ lint: install-dev
 	$(VENV)/bin/pyright
 	$(VENV)/bin/lint-imports
 
+# One thread a process: two processes whose libraries each take both cores wait for each other most of the time.
 test: lint
-	$(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
+	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
 
 bench: install-dev
 	@for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
