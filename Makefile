@@ -16,6 +16,7 @@ PRESET ?= tiny
 DATA   ?=
 SET    ?=
 COMPARE  ?=
+FPS_OVERRIDE ?=
 
 # The splits beside the data, where there are some.
 SPLITS ?= $(firstword $(wildcard $(addsuffix /splits.json,$(DATA)) $(addsuffix splits.json,$(dir $(DATA)))))
