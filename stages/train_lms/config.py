@@ -15,7 +15,7 @@ class Config(TrainingConfig):
 
     tpc: Path = Field(description="The tpc artefact to learn from (latents are drawn afresh at every step).")
     ae: Path = Field(description="The autoencoder's checkpoint artefact.")
-    latent: Path | None = Field(None, description="The latent artefact of the same clips; it must be of this encoder.")
+    latent: Path | None = Field(None, description="The latent artefact of these clips; it must be of this encoder.")
     synthesiser: SynthesiserSizes = SynthesiserSizes()
     latent_weight: float = Field(0.1, description="Weight of the latents' error beside the decoded clouds'.")
     longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")
