@@ -128,7 +128,7 @@ clean-run:
 lint: install-dev
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
-	$(VENV)/bin/pyright
+	$(VENV)/bin/pyright --pythonpath $(VENV)/bin/python
 	$(VENV)/bin/lint-imports
 
 # One thread a process: two processes whose libraries each take both cores wait for each other most of the time.
