@@ -167,7 +167,7 @@ def _report(
     lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)
     lines.append(
         f"Weights {models.name}, trained on {models.trained_on or 'data they do not name'}; "
-        f"licences: {'; '.join(models.licences) or 'none named'}."
+        f"licences: {'; '.join(models.licences).rstrip('.') or 'none named'}."
     )
     figures = {
         "frames": request.frames,
