@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.formats.bvh import BvhFile, read_bvh
 from stages.formats.bvh_motion import motion_of, rate_of
@@ -60,7 +58,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         key_file, skeleton, filled.motion, region.keys - region.first, key_file.values[region.of_all]
     )
     values[region.first : region.first + region.frames] = made
-    _write(config.output, write_bvh(bvh, values, request.kept, request.frames))
+    write_whole(config.output, write_bvh(bvh, values, request.kept, request.frames))
     progress.advance(note="written")
     return _report(config, request, region, skeleton, filled, models, notes, time.perf_counter() - started)
 
@@ -118,29 +116,6 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Model
     motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
     device = models.autoencoder.device
     return fill_motion(skeleton, motion, known, models, points=config.points, seed=config.seed, device=device)
-
-
-def _write(path: Path, data: bytes) -> None:
-    """A file that exists is a whole file: written beside its place, then moved there."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            os.chmod(draft, 0o666 & ~_umask())
-            os.replace(draft, path)
-        except BaseException:
-            Path(draft).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise PumpsError(f"{path} cannot be written: {error.strerror}.", "Check the folder and its space.") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _report(

@@ -8,6 +8,7 @@ from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
+from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.pack_weights.config import Config
 from stages.progress import SILENT, Progress
@@ -37,7 +38,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     progress.advance()
     name = config.name or config.output.name
     card = _card(name, autoencoder, synthesiser, sorted({*ae.manifest.licences, *lms.manifest.licences}))
-    (config.output / "MODEL_CARD.md").write_text(card, encoding="utf-8")
+    write_whole(config.output / "MODEL_CARD.md", card.encode("utf-8"))
     size = sum(path.stat().st_size for path in config.output.rglob("*") if path.is_file())
     return StageReport(
         output=config.output,

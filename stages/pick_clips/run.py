@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
+from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.formats.sources import source_named
 from stages.pick_clips.config import Config
@@ -36,12 +35,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     config.output.mkdir(parents=True, exist_ok=True)
     progress.start("Copying clips", len(picked))
     for row in picked:
-        _replace(config.output / f"{row.clip}.bvh", source_named(row.source).read())
+        write_whole(config.output / f"{row.clip}.bvh", source_named(row.source).read())
         progress.advance(1, row.clip)
     for stale in set(config.output.glob("*.bvh")) - {config.output / f"{row.clip}.bvh" for row in picked}:
         stale.unlink()
     names = [row.clip for row in picked]
-    _replace(config.output / LIST_NAME, "".join(f"{name}.bvh\n" for name in names).encode())
+    write_whole(config.output / LIST_NAME, "".join(f"{name}.bvh\n" for name in names).encode())
     return StageReport(output=config.output, lines=[f"picked {', '.join(names)}"], figures={"clips": names})
 
 
@@ -67,9 +66,3 @@ def pick(rows: Sequence[ClipRow], config: Config) -> list[ClipRow]:
             if queue and len(picked) < config.count:
                 picked.append(queue.pop(0))
     return picked
-
-
-def _replace(path: Path, content: bytes) -> None:
-    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
-    fresh.write_bytes(content)
-    os.replace(fresh, path)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import html
 import json
-import os
-import tempfile
 from pathlib import Path
 from string import Template
 
 from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
-from data_schemas.errors import PumpsError, UsageError
+from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import read_metrics
+from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.progress import SILENT, Progress
 from stages.report.config import Config
@@ -52,7 +51,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         origin=_origin([artefact for artefact in (metrics, *checkpoints) if artefact]),
     )
     progress.advance(1, "page")
-    _write(config.output, page)
+    write_whole(config.output, page.encode("utf-8"))
     size_kb = len(page.encode()) // 1024
     return StageReport(
         output=config.output,
@@ -95,20 +94,3 @@ def _asset(name: str) -> Template:
 
 def _text(name: str) -> str:
     return (ASSETS / name).read_text(encoding="utf-8")
-
-
-def _write(path: Path, page: str) -> None:
-    """The page appears whole or not at all."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(page)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise PumpsError(f"{path} cannot be written: {error.strerror}.", "Give another --output.") from None

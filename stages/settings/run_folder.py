@@ -6,12 +6,12 @@ Files are rewritten only where their content changed, so that their times tell m
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import sha256_of_file
+from data_schemas.whole_file import write_whole
 from stages.registry import NAMES, PIPELINE
 from stages.settings.layers import COMMAND_LINE, Layer, settle_file_part
 from stages.settings.presets import preset_layers
@@ -120,7 +120,5 @@ def _write_if_changed(path: Path, text: str) -> bool:
             return False
     except (OSError, UnicodeDecodeError):
         pass
-    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
-    fresh.write_text(text, encoding="utf-8")
-    os.replace(fresh, path)
+    write_whole(path, text.encode("utf-8"))
     return True
