@@ -130,6 +130,18 @@ STAGES: tuple[Stage, ...] = (
         arguments=("path",), pipeline=False,
     ),
     Stage(
+        "list-data", ("data", "list"), "stages.list_data",
+        "List public data sets by name: licence, size, home page.",
+        (), "", "pumps data list",
+        pipeline=False,
+    ),
+    Stage(
+        "fetch-data", ("data", "fetch"), "stages.fetch_data",
+        "Download a public data set, resuming and checked.",
+        (), "archives", "pumps data fetch 100style -o data --accept-licence",
+        arguments=("name",), pipeline=False,
+    ),
+    Stage(
         "doctor", ("doctor",), "stages.doctor",
         "Tell whether pumps can work here: versions, devices, weights found.",
         (), "", "pumps doctor",
@@ -138,6 +150,7 @@ STAGES: tuple[Stage, ...] = (
 )  # fmt: skip
 
 GROUP_SUMMARIES = {
+    "data": "List and fetch public data sets.",
     "ingest": "Read recordings into a motion artefact.",
     "train": "Train a network.",
 }
