@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stages.evaluate.bootstrap import mean_interval, ratio_interval
+from stages.statistics.bootstrap import mean_interval, ratio_interval
 
 
 def test_interval_holds_the_mean_and_narrows_with_clips() -> None:
