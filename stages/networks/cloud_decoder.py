@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -32,6 +34,9 @@ class CloudDecoder(nn.Module):
     point-wise MLP there is a `skinning` head: the frame's feature gives, for each body group, a 3 x K matrix, the
     noise identity gives a K-vector, and the point is their product. It costs one small product for a point and a
     frame where the MLP costs thousands; `DecoderSizes.head` chooses.
+
+    What tells points apart is `DecoderSizes.identities` (PUMPS Table 2): noise as in the paper; the cells of a fixed
+    2D grid, as FoldingNet folds one; or draws from a Gaussian that each frame's feature gives, as a VAE's.
     """
 
     def __init__(self, latent_width: int, sizes: DecoderSizes):
@@ -43,7 +48,7 @@ class CloudDecoder(nn.Module):
         )
         self.norm = nn.LayerNorm(sizes.width)
         head = SkinningHead if sizes.head == "skinning" else PointHead
-        self.head = head(sizes)
+        self.head = VariationalHead(sizes) if sizes.identities == "vae" else head(sizes)
 
     def forward(
         self,
@@ -57,12 +62,24 @@ class CloudDecoder(nn.Module):
     ) -> Tensor:
         """Args:
             latents: (B, T, D). centroids: (B, T, 3) metres. times: (B or 1, T) model frames.
-            groups: (B, P) body group of each point to make. noise: (B, P, Z) the points' identities, N(0, 1).
+            groups: (B, P) body group of each point to make. noise: (B, P, Z) the points' identities (`draw_noise`).
             valid: (B, T) True for real frames; None for all.
             generator: of the dropout's mask, in training.
 
         Returns: (B, T, P, 3) metres.
         """
+        frames = self.frame_features(latents, centroids, times, valid, generator)
+        return self.place_points(frames, centroids, groups, noise)
+
+    def frame_features(
+        self,
+        latents: Tensor,
+        centroids: Tensor,
+        times: Tensor,
+        valid: Tensor | None = None,
+        generator: torch.Generator | None = None,
+    ) -> Tensor:
+        """What the points of each frame are made from, (B, T, W); arguments as of `forward`."""
         if self.training:
             latents = drop_features(latents, self.sizes.dropout, self.sizes.dropout_kind, generator)
         weight = torch.ones_like(centroids[..., :1]) if valid is None else valid.unsqueeze(-1).to(centroids)
@@ -72,12 +89,36 @@ class CloudDecoder(nn.Module):
             frames = frames + sinusoids(times, frames.shape[-1])
         for layer in self.layers:
             frames = layer(frames, times, known=valid)
-        return self.head(self.norm(frames), groups, noise).float() + centroids.unsqueeze(2)
+        return self.norm(frames)
+
+    def place_points(self, frames: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """Points (B, T, P, 3), metres, of frames' features (B, T, W)."""
+        return self.head(frames, groups, noise).float() + centroids.unsqueeze(2)
+
+    def divergence(self, frames: Tensor, groups: Tensor) -> Tensor:
+        """How far the points' codes are from N(0, 1), (B, T, P) nats; 0 but for `vae`."""
+        if isinstance(self.head, VariationalHead):
+            return self.head.divergence(frames, groups)
+        return frames.new_zeros(*frames.shape[:2], groups.shape[1])
 
     def draw_noise(self, batch: int, points: int, generator: torch.Generator | None = None) -> Tensor:
-        """Identities of new points, (batch, points, Z)."""
+        """Identities of new points, (batch, points, Z): N(0, 1), or the grid's cells, the same for every cloud."""
         device = self.embed.weight.device
+        if self.sizes.identities == "grid":
+            return grid_cells(points).to(device).expand(batch, -1, -1)
         return torch.randn(batch, points, self.sizes.noise, generator=generator, device=device)
+
+
+def grid_cells(points: int) -> Tensor:
+    """Cells of a square 2D grid, (points, 2), centred, of unit variance on each axis.
+
+    They come in a fixed scattered order, so that any run of points, such as one body group's, covers the square.
+    """
+    side = math.ceil(points**0.5)
+    steps = torch.arange(side, dtype=torch.float32) - (side - 1) / 2
+    steps = steps / steps.square().mean().sqrt().clamp_min(1e-6)
+    cells = torch.cartesian_prod(steps, steps)
+    return cells[torch.randperm(len(cells), generator=torch.Generator().manual_seed(0))[:points]]
 
 
 class PointHead(nn.Module):
@@ -90,17 +131,55 @@ class PointHead(nn.Module):
     def __init__(self, sizes: DecoderSizes):
         super().__init__()
         self.by_frame = nn.Linear(sizes.width, GROUPS * sizes.point_width)
-        self.by_point = nn.Linear(sizes.noise, sizes.point_width, bias=False)
+        self.by_point = nn.Linear(sizes.identity_width, sizes.point_width, bias=False)
         self.hidden = nn.Linear(sizes.point_width, sizes.point_hidden)
         self.out = nn.Linear(sizes.point_hidden, 3)
 
     def forward(self, frames: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
         """frames (B, T, W), groups (B, P), noise (B, P, Z) -> (B, T, P, 3) relative to the centroid."""
-        batch, steps, _ = frames.shape
-        by_group = self.by_frame(frames).view(batch, steps, GROUPS, -1)
-        index = groups.long()[:, None, :, None].expand(-1, steps, -1, by_group.shape[-1])
-        joined = torch.gather(by_group, 2, index) + self.by_point(noise).unsqueeze(1)
+        joined = _of_own_group(self.by_frame(frames), groups) + self.by_point(noise).unsqueeze(1)
         return self.out(F.gelu(self.hidden(F.gelu(joined))))
+
+
+class VariationalHead(nn.Module):
+    """A point's code is drawn from a Gaussian that its frame and body group give, as a VAE's decoder draws it.
+
+    The draw is by the reparameterisation, mean + deviation * identity, the identity constant over time like the
+    paper's noise; then linear layers as in `PointHead`. Whatever the points know of the frame passes through the
+    code, whose divergence from N(0, 1) is a term of the loss.
+    """
+
+    def __init__(self, sizes: DecoderSizes):
+        super().__init__()
+        self.posterior = nn.Linear(sizes.width, GROUPS * 2 * sizes.noise)
+        self.by_code = nn.Linear(sizes.noise + GROUPS, sizes.point_width)
+        self.hidden = nn.Linear(sizes.point_width, sizes.point_hidden)
+        self.out = nn.Linear(sizes.point_hidden, 3)
+
+    def forward(self, frames: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """frames (B, T, W), groups (B, P), noise (B, P, Z) -> (B, T, P, 3) relative to the centroid."""
+        mean, log_variance = self._gaussians(frames, groups)
+        codes = mean + (0.5 * log_variance).exp() * noise.unsqueeze(1)
+        one_hot = F.one_hot(groups.long(), GROUPS).to(codes.dtype).unsqueeze(1).expand(-1, frames.shape[1], -1, -1)
+        joined = self.by_code(torch.cat([codes, one_hot], dim=-1))
+        return self.out(F.gelu(self.hidden(F.gelu(joined))))
+
+    def divergence(self, frames: Tensor, groups: Tensor) -> Tensor:
+        """KL(N(mean, variance) || N(0, 1)) of each point's code, (B, T, P) nats."""
+        mean, log_variance = (part.float() for part in self._gaussians(frames, groups))
+        return 0.5 * (mean.square() + log_variance.exp() - 1 - log_variance).sum(-1)
+
+    def _gaussians(self, frames: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
+        """Means and logarithms of variances, (B, T, P, Z) each."""
+        mean, log_variance = _of_own_group(self.posterior(frames), groups).chunk(2, dim=-1)
+        return mean, log_variance.clamp(-12, 6)
+
+
+def _of_own_group(by_frame: Tensor, groups: Tensor) -> Tensor:
+    """Frames' features (B, T, 5 K), a part for each body group -> each point's part, (B, T, P, K)."""
+    by_group = by_frame.unflatten(-1, (GROUPS, -1))
+    index = groups.long()[:, None, :, None].expand(-1, by_frame.shape[1], -1, by_group.shape[-1])
+    return torch.gather(by_group, 2, index)
 
 
 class SkinningHead(nn.Module):
@@ -111,7 +190,7 @@ class SkinningHead(nn.Module):
         self.codes = sizes.codes
         self.by_frame = nn.Linear(sizes.width, GROUPS * 3 * sizes.codes)
         self.by_point = nn.Sequential(
-            nn.Linear(sizes.noise + GROUPS, sizes.point_width),
+            nn.Linear(sizes.identity_width + GROUPS, sizes.point_width),
             nn.GELU(),
             nn.Linear(sizes.point_width, sizes.point_width),
             nn.GELU(),

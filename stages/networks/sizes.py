@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+HEADS = ("mlp", "skinning")
+POSITIONS = ("rope", "sinusoidal")
+DROPOUT_KINDS = ("sequence", "element")
+IDENTITIES = ("gaussian", "grid", "vae")
+GRID_WIDTH = 2
 
 
 class Sizes(BaseModel):
@@ -31,6 +37,11 @@ class DecoderSizes(Sizes):
     layers: int = Field(default=4, description="Layers of attention over time.")
     heads: int = Field(default=8, description="Attention heads.")
     noise: int = Field(default=128, description="Width of a point's noise identity.")
+    identities: str = Field(
+        default="gaussian",
+        description="What tells points apart: gaussian noise (PUMPS), a fixed 2D grid (FoldingNet), or draws from a "
+        "Gaussian that the frame gives (vae, as PointIVAE); PUMPS Table 2.",
+    )
     head: str = Field(
         default="mlp", description="How a point is made: mlp (PUMPS), or skinning (frame transforms times codes)."
     )
@@ -40,6 +51,25 @@ class DecoderSizes(Sizes):
     dropout: float = Field(default=0.1, description="Share of latent features that sequence-wise dropout leaves out.")
     positions: str = Field(default="rope", description="Positions in time: rope, or sinusoidal (PUMPS Table 2).")
     dropout_kind: str = Field(default="sequence", description="sequence, or element (PUMPS Table 2).")
+
+    @property
+    def identity_width(self) -> int:
+        """Numbers that make a point's identity."""
+        return GRID_WIDTH if self.identities == "grid" else self.noise
+
+    @model_validator(mode="after")
+    def _choices_exist(self) -> DecoderSizes:
+        for name, choices in (
+            ("head", HEADS),
+            ("positions", POSITIONS),
+            ("dropout_kind", DROPOUT_KINDS),
+            ("identities", IDENTITIES),
+        ):
+            if getattr(self, name) not in choices:
+                raise ValueError(f"{name} must be one of {', '.join(choices)}, not {getattr(self, name)!r}")
+        if self.identities == "vae" and self.head != "mlp":
+            raise ValueError("identities = 'vae' goes with head = 'mlp': its codes change from frame to frame")
+        return self
 
 
 class SynthesiserSizes(Sizes):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from stages.kinematics.conventions import GROUPS
 from stages.networks.cloud_decoder import CloudDecoder
 from stages.networks.device import precision
 from stages.networks.frame_encoder import FrameEncoder
 from stages.pointcloud.assignment import chamfer_squared, paired_difference
+from stages.pointcloud.reconstruction import distances, spread_ratios
 from stages.train_ae.config import Config
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
@@ -35,6 +36,16 @@ class CloudBatch:
     points: Tensor
     groups: Tensor
     valid: Tensor
+
+
+class Reconstruction(NamedTuple):
+    """made and points (B, T, P, 3) metres, groups (B, P), valid (B, T), divergence (B, T, P) of codes, nats."""
+
+    made: Tensor
+    points: Tensor
+    groups: Tensor
+    valid: Tensor
+    divergence: Tensor
 
 
 class AutoencoderTask:
@@ -66,30 +77,40 @@ class AutoencoderTask:
             cloud = cloud.redrawn(windows, rng)
         return batches
 
-    def _reconstruct(self, batch: CloudBatch, seed: torch.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def _reconstruct(self, batch: CloudBatch, seed: torch.Generator) -> Reconstruction:
         points, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
+        encoder, decoder = self.networks.encoder, self.networks.decoder
         frames = points.shape[1]
         with precision(self.device, self.config.mixed_precision):
-            latents, centroids = self.networks.encoder(points.flatten(0, 1), groups.repeat_interleave(frames, 0))
+            latents, centroids = encoder(points.flatten(0, 1), groups.repeat_interleave(frames, 0))
             latents, centroids = latents.unflatten(0, (-1, frames)), centroids.unflatten(0, (-1, frames))
             times = torch.arange(frames, device=self.device).unsqueeze(0)
-            noise = self.networks.decoder.draw_noise(len(points), points.shape[2], seed)
-            made = self.networks.decoder(latents, centroids, times, groups, noise, valid, seed)
-        return made, points, groups, valid
+            noise = decoder.draw_noise(len(points), points.shape[2], seed)
+            features = decoder.frame_features(latents, centroids, times, valid, seed)
+            made = decoder.place_points(features, centroids, groups, noise)
+            divergence = decoder.divergence(features, groups)
+        return Reconstruction(made, points, groups, valid, divergence)
 
     def loss(self, batch: CloudBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
-        made, points, groups, valid = self._reconstruct(batch, generator)
+        made, points, groups, valid, divergence = self._reconstruct(batch, generator)
         count = self.config.loss_points
         if 0 < count < points.shape[2]:
             # Noise and points are drawn independently, so any subset is as good; groups stay equal on both sides.
             made, points, groups = made[:, :, :count], points[:, :, :count], groups[:, :count]
+        figures: dict[str, float] = {}
         if self.config.loss == "chamfer":
             value = chamfer_squared(made, points, groups, valid) / _UNIT_M**2
-            return value, {}
-        apart = paired_difference(made, points, groups, valid) / _UNIT_M
-        moving, static = split_over_time(apart, valid)
-        value = static + (1 + self.config.variation_weight) * moving
-        return value, {"rec": float((static + moving).detach()), "moving": float(moving.detach())}
+        else:
+            apart = paired_difference(made, points, groups, valid) / _UNIT_M
+            moving, static = split_over_time(apart, valid)
+            value = static + (1 + self.config.variation_weight) * moving
+            figures = {"rec": float((static + moving).detach()), "moving": float(moving.detach())}
+        if self.config.decoder.identities == "vae":
+            # -log p = half the squared distance over the observation's variance, here one unit, plus the divergence.
+            nats = divergence[valid].mean()
+            value = value + 2 * self.config.prior_weight * nats
+            figures["divergence"] = float(nats.detach())
+        return value, figures
 
     def validate(self) -> dict[str, float]:
         """Figures in millimetres: matched pairs' distance (`rec_mm`), the same between two true draws
@@ -97,14 +118,14 @@ class AutoencoderTask:
         the variation plus a tenth of rec."""
         batch, other = self.held_back
         generator = torch.Generator(device=self.device).manual_seed(0)
-        made, points, groups, valid = self._reconstruct(batch, generator)
+        made, points, groups, valid, _ = self._reconstruct(batch, generator)
         apart = paired_difference(made, points, groups, valid)
         truth = paired_difference(other.points.to(self.device), points, groups, valid)
-        rec, moving = _distance_mm(apart, valid)
-        reference, reference_moving = _distance_mm(truth, valid)
+        rec, moving, _ = (1000 * float(part.mean()) for part in distances(apart, valid))
+        reference, reference_moving, _ = (1000 * float(part.mean()) for part in distances(truth, valid))
         figures = {"score": moving + 0.1 * rec, "rec_mm": rec, "reference_mm": reference}
         figures |= {"moving_mm": moving, "reference_moving_mm": reference_moving}
-        figures["spread_ratio"] = float(torch.stack(spread_ratios(made, points, groups)).mean())
+        figures["spread_ratio"] = float(spread_ratios(made, points, groups).nanmean())
         return figures
 
 
@@ -115,30 +136,3 @@ def split_over_time(apart: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
     constant = (apart * keep).sum(1, keepdim=True) / frames
     varying = ((apart - constant) * keep).square().sum(-1).sum(1) / frames.squeeze(1).squeeze(-1)
     return varying.mean(), constant.square().sum(-1).mean()
-
-
-def _distance_mm(apart: Tensor, valid: Tensor) -> tuple[float, float]:
-    keep = valid.unsqueeze(-1).to(apart.dtype)
-    count = keep.sum() * apart.shape[2]
-    constant = (apart * keep.unsqueeze(-1)).sum(1, keepdim=True) / keep.unsqueeze(-1).sum(1, keepdim=True)
-    whole = (apart.norm(dim=-1) * keep).sum() / count
-    moving = ((apart - constant).norm(dim=-1) * keep).sum() / count
-    return 1000 * float(whole), 1000 * float(moving)
-
-
-def spread_ratios(made: Tensor, points: Tensor, groups: Tensor) -> list[Tensor]:
-    """Predicted over true standard deviation of the points of each body group, mean over windows; 1 is right."""
-    ratios = []
-    for group in range(GROUPS):
-        weight = (groups == group)[:, None, :, None].to(points.dtype)
-        count = weight.sum(2, keepdim=True)
-        if bool((count < 2).any()):
-            continue
-        spread = []
-        for cloud in (made, points):
-            mean = (cloud * weight).sum(2, keepdim=True) / count
-            spread.append(
-                ((cloud - mean).square() * weight).sum((2, 3)).div(count.squeeze(2).squeeze(-1)).sqrt().mean()
-            )
-        ratios.append(spread[0] / spread[1])
-    return ratios or [torch.ones(())]
