@@ -16,6 +16,7 @@ from stages.evaluate.windows import Task, Window, chosen_windows, clip_windows
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.forward import positions_of
 from stages.kinematics.resampling import resample, resampled_frames
+from stages.statistics.archives import archive_of
 
 BATCH_WINDOWS = 64
 STATISTICS_CLIPS = 200  # read for the training statistics of the lafan1 protocol, per skeleton
@@ -35,16 +36,6 @@ class WindowBatch:
     def poses(self) -> Poses:
         """The true windows."""
         return Poses.of(self.skeleton, list(self.motions))
-
-
-def archive_of(row: ClipRow) -> str:
-    """The data set that a clip is from: its archive, or the folder of a loose file."""
-    source = row.source.replace("\\", "/")
-    if "!" in source:
-        source = source.split("!", 1)[0]
-        return source.rsplit("/", 1)[-1].removesuffix(".zip")
-    folder = source.rsplit("/", 1)[0] if "/" in source else ""
-    return folder.rsplit("/", 1)[-1] or "files"
 
 
 class MeasuredClips:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Skeleton
-from stages.evaluate import metrics
+from stages.statistics import metrics
 
 LEAST_BONE_M = 1e-6
 LEAST_DEVIATION_M = 1e-3  # of a joint's axis in the training statistics, so that a still axis does not rule the norm

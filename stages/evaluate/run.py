@@ -30,11 +30,11 @@ from stages.evaluate.measuring import (
     position_deviation,
 )
 from stages.evaluate.methods import LoadedWeights, load_all, methods_for
-from stages.evaluate.metrics import key_jump_mm
 from stages.evaluate.summary import summary_md
 from stages.evaluate.tables import cells, terminal_lines
 from stages.evaluate.windows import CONTEXT, INTERPOLATION, LAFAN1_CONTEXT, PREDICTION, TRANSITION, Task, Window
 from stages.progress import SILENT, Progress
+from stages.statistics.metrics import key_jump_mm
 
 TRUTH = "truth"
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.metrics import MetricRow
-from stages.statistics.bootstrap import Estimate, mean_interval, ratio_interval
 from stages.evaluate.measuring import METRICS, POWER_WEIGHTED
 from stages.evaluate.windows import INTERPOLATION, PREDICTION, TRANSITION
+from stages.statistics.bootstrap import Estimate, mean_interval, ratio_interval
 
 ALL = "all archives"
 TASK_WORDS = {

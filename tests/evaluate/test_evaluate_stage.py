@@ -18,7 +18,6 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.evaluate import methods
 from stages.evaluate.baselines import BASELINES, Poses
 from stages.evaluate.config import Config
-from stages.evaluate.measured_clips import archive_of
 from stages.evaluate.measuring import (
     facing_turn,
     hip_joints,
@@ -30,6 +29,7 @@ from stages.evaluate.measuring import (
 from stages.evaluate.methods import named_source, window_seed, without_answers
 from stages.evaluate.run import run
 from stages.evaluate.windows import Window
+from stages.statistics.archives import archive_of
 from tests.inference.examples import write_random_weights
 
 NAMES = ("world", "hips", "chest", "head", "arm.L", "arm.R", "leg.L", "leg.R", "twist")

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stages.evaluate import metrics
+from stages.statistics import metrics
 
 
 def random_pose(seed: int, frames: int = 12, joints: int = 3) -> tuple[np.ndarray, np.ndarray]:
