@@ -12,8 +12,8 @@ from data_schemas.tpc import BoneSet, TpcWriter, place_points
 from stages.config import StageReport
 from stages.kinematics.forward import positions_of
 from stages.kinematics.resampling import resample
+from stages.pointcloud.bones import bone_set
 from stages.progress import SILENT, Progress
-from stages.sample_tpc.bones import bone_set
 from stages.sample_tpc.config import Config
 
 

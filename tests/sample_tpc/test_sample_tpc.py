@@ -15,7 +15,7 @@ from stages.formats.bvh_motion import motion_of
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
 from stages.kinematics.forward import positions_of
-from stages.sample_tpc.bones import body_joints, bone_set
+from stages.pointcloud.bones import body_joints, bone_set
 from stages.sample_tpc.config import Config
 from stages.sample_tpc.run import run
 from tests.formats.bvh_texts import BvhText
