@@ -69,7 +69,7 @@ def server() -> Iterator[tuple[Behaviour, str]]:
         def log_message(self, format: str, *args: object) -> None: ...
 
     listening = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=listening.serve_forever, daemon=True).start()
+    threading.Thread(target=listening.serve_forever, args=(0.01,), daemon=True).start()
     yield behaviour, f"http://127.0.0.1:{listening.server_address[1]}/walks.zip"
     listening.shutdown()
     listening.server_close()
