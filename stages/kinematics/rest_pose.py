@@ -1,0 +1,116 @@
+"""Rest-pose augmentation (PC-MRL 3.4, Algorithm 1): the same motion on bones with other tails.
+
+A skeleton adapted to a point cloud bends where that suits the cloud, not where its maker meant it to: hips and
+shoulders above all. So an interpolator is trained on motions whose rest pose was changed at random, each bone turned
+back towards where its tail was by the smallest rotation that does it. A change that keeps all lengths changes no
+joint's position, and no FOQ either; what augments is that heads move, and bones are aimed anew from there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+_AT_TAIL_M = 1e-3  # a child's head this near to its parent's tail hangs from it
+_OPPOSITE = 1e-7  # directions that sum to less than this (float64) are opposite
+
+
+def smallest_turn(tails: Tensor, targets: Tensor) -> Tensor:
+    """The rotation of largest real part that takes the direction of `tails` to that of `targets` (Algorithm 1).
+
+    Two half turns, about the tail's direction eta and about the half-way direction h = (eta + omega) / |eta + omega|,
+    make the turn from eta to omega by twice the angle between eta and h: q = -(h x eta) as pure quaternions, whose
+    real part is h . eta >= 0. (As printed, the half-way vector is not normalised and the sign is the other one.)
+
+    Args:
+        tails, targets: (..., 3), any length. Opposite directions turn by 180 degrees about some axis across them,
+            always the same for the same directions; a vector of no length asks for no turn.
+
+    Returns: (..., 4) unit quaternions xyzw, real part >= 0, of the dtype of `tails`. Computed in float64.
+    """
+    tail, target = torch.broadcast_tensors(tails.double(), targets.double())
+    eta, omega = (torch.nn.functional.normalize(each, dim=-1) for each in (tail, target))
+    half = eta + omega
+    length = half.norm(dim=-1, keepdim=True)
+    half = torch.where(length > _OPPOSITE, half / length.clamp_min(_OPPOSITE), _across(eta))
+    real = (half * eta).sum(-1, keepdim=True)
+    turn = torch.cat([torch.linalg.cross(eta, half), real], dim=-1)
+    turn = torch.nn.functional.normalize(turn, dim=-1)
+    has_length = ((tail.norm(dim=-1) > 0) & (target.norm(dim=-1) > 0)).unsqueeze(-1)
+    still = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=turn.dtype, device=turn.device)
+    return torch.where(has_length, turn, still).to(tails.dtype)
+
+
+def _across(directions: Tensor) -> Tensor:
+    """Unit vectors at right angles to unit vectors (..., 3): across the axis that each is farthest from."""
+    axis = torch.nn.functional.one_hot(directions.abs().argmin(dim=-1), 3).to(directions)
+    return torch.nn.functional.normalize(torch.linalg.cross(directions, axis), dim=-1)
+
+
+def carried_offsets(offsets: Tensor, tails: Tensor, new_tails: Tensor, parents: np.ndarray) -> Tensor:
+    """Children's heads after their parents' tails moved in the rest pose.
+
+    A head at its parent's tail goes with it; any other is turned as the tail's direction is.
+
+    Args:
+        offsets: (..., J, 3) heads in their parents' frames. tails, new_tails: (..., J, 3). parents: (J,), -1 first.
+
+    Returns: (..., J, 3) metres; joint 0 keeps its own.
+    """
+    parent = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long, device=offsets.device)
+    heads, old, new = offsets[..., 1:, :], tails[..., parent, :], new_tails[..., parent, :]
+    at_tail = ((heads - old).norm(dim=-1, keepdim=True) < _AT_TAIL_M).expand_as(heads)
+    turned = roma.quat_action(smallest_turn(old, new), heads)
+    return torch.cat([offsets[..., :1, :], torch.where(at_tail, new, turned)], dim=-2)
+
+
+def random_rest_pose(
+    offsets: Tensor, tails: Tensor, parents: np.ndarray, spread_m: float, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
+    """A rest pose near the given one: every tail, and every head that hangs from no tail, moved at random.
+
+    Args:
+        offsets, tails: (..., J, 3) metres. parents: (J,). spread_m: standard deviation on each axis, metres.
+
+    Returns: offsets (..., J, 3) and tails (..., J, 3). Bones without length stay without.
+    """
+    parent = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long)
+    noise = spread_m * torch.randn(2, *tails.shape, generator=generator, dtype=tails.dtype)
+    has_length = (tails.norm(dim=-1, keepdim=True) > 0).to(tails)
+    new_tails = tails + noise[0] * has_length
+    carried = carried_offsets(offsets, tails, new_tails, parents)
+    hangs = ((offsets[..., 1:, :] - tails[..., parent, :]).norm(dim=-1, keepdim=True) < _AT_TAIL_M).to(tails)
+    free = torch.cat([torch.zeros_like(hangs[..., :1, :]), 1 - hangs], dim=-2)
+    return carried + noise[1] * free, new_tails
+
+
+def realign(
+    heads: Tensor, rotations: Tensor, tails: Tensor, new_offsets: Tensor, new_tails: Tensor, parents: np.ndarray
+) -> tuple[Tensor, Tensor]:
+    """The motion on another rest pose: from the root outwards, each bone is turned by the smallest rotation that
+    points its new tail at where the old tail was in the world (PC-MRL 3.4).
+
+    Args:
+        heads: (..., T, J, 3) joints of the motion in the world. rotations: (..., T, J, 4) global, xyzw.
+        tails: (..., J, 3) of the old rest pose. new_offsets, new_tails: (..., J, 3) of the new one.
+        parents: (J,), parents before children; joint 0 stays in its place.
+
+    Returns: heads (..., T, J, 3) and global rotations (..., T, J, 4).
+    """
+    old_tails, tips, steps = (each.unsqueeze(-3) for each in (tails, new_tails, new_offsets))
+    targets = heads + roma.quat_action(rotations, old_tails.expand_as(heads))
+    out_heads: list[Tensor] = []
+    out_rotations: list[Tensor] = []
+    for joint in range(len(parents)):
+        turn, head = rotations[..., joint, :], heads[..., joint, :]
+        if joint:
+            above = int(parents[joint])
+            step = steps[..., joint, :].expand_as(head)
+            head = out_heads[above] + roma.quat_action(out_rotations[above], step)
+        aim = roma.quat_action(roma.quat_conjugation(turn), targets[..., joint, :] - head)
+        mend = smallest_turn(tips[..., joint, :].expand_as(aim), aim)
+        out_heads.append(head)
+        out_rotations.append(roma.quat_product(turn, mend))
+    return torch.stack(out_heads, dim=-2), torch.stack(out_rotations, dim=-2)
