@@ -19,7 +19,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
-        pool, held_back = window_pools(reader)
+        pool, held_back = window_pools(reader, config)
         trained_on = summary_of(pool, reader)
         task = AutoencoderTask(config, pool, held_back, choose_device(config.device))
         trained = train(task, config, progress=progress)

@@ -29,7 +29,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             inputs.append(latents.artefact)
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
-        pool, held_back = window_pools(reader)
+        pool, held_back = window_pools(reader, config)
         trained_on = summary_of(pool, reader)
         task = SynthesiserTask(config, autoencoder, pool, held_back, choose_device(config.device))
         trained = train(task, config, progress=progress)

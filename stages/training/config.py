@@ -28,6 +28,10 @@ class TrainingConfig(DeviceConfig):
     augment: bool = Field(
         True, description="Playback speed, size and left-right mirror, drawn afresh for each window."
     )
+    balance: float = Field(
+        0.0, description="A data set is drawn by its frames to this power: 0 an equal share each, 1 as they come."
+    )
+    cache_mb: float = Field(256, description="Megabytes of frames to keep in memory; the rest is read when wanted.")
     mixed_precision: bool = Field(True, description="bfloat16 in the networks where the device computes it faster.")
     validate_every: int = Field(500, description="Steps between validations.")
     checkpoint_every: int = Field(500, description="Steps between checkpoints.")

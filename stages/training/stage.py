@@ -20,11 +20,14 @@ from stages.training.loop import Trained
 from stages.training.windows import WindowPool
 
 
-def window_pools(reader: TpcReader) -> tuple[WindowPool, WindowPool]:
-    """Pools to train on and to validate on; where no clip is marked for validation, the training clips serve."""
-    training = WindowPool(reader, ("train",))
+def window_pools(reader: TpcReader, config: TrainingConfig) -> tuple[WindowPool, WindowPool]:
+    """Pools to train on and to validate on; where no clip is marked for validation, the training clips serve.
+
+    The reader must stay open as long as they are used.
+    """
+    training = WindowPool(reader, ("train",), balance=config.balance, cache_mb=config.cache_mb)
     try:
-        return training, WindowPool(reader, ("val",))
+        return training, WindowPool(reader, ("val",), balance=config.balance, cache_mb=0)
     except InputError:
         return training, training
 

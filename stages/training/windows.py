@@ -1,6 +1,5 @@
-"""Windows of motion for training, drawn in batches from a `tpc` artefact.
+"""Windows of motion for training, drawn in batches from a `tpc` artefact that stays on the disk.
 
-All clips' bone transforms lie in flat arrays, so that a batch of windows from any mix of skeletons is a few gathers.
 Every batch follows from (seed, step) alone: resuming needs no generator's state.
 """
 
@@ -18,6 +17,7 @@ from data_schemas.errors import InputError
 from data_schemas.tpc import TpcReader
 from stages.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
 from stages.pointcloud.sampling import place_points, points_in_bone
+from stages.training.frame_cache import FrameCache
 
 _SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
 _SIZE = (0.8, 1.4)
@@ -41,39 +41,37 @@ class Windows:
 
 
 class WindowPool:
-    """All rigid clips of a split in memory.
+    """Draws windows of all rigid clips of a split; the reader must stay open as long as the pool is used.
 
     Args:
         reader: the tpc artefact.
         splits: which splits to take.
-        balance: a data set (the archive a clip came from) is drawn in proportion to its frames to this power:
-            1 is as they come, 0 is an equal share each.
+        balance: a data set (the archive, or the folder, that a clip came from) is drawn in proportion to its frames
+            to this power: 1 is as they come, 0 is an equal share each, as the authors do.
+        cache_mb: megabytes of frames to keep in memory.
 
     Raises: InputError where no clip of the splits is long enough or rigid.
     """
 
-    def __init__(self, reader: TpcReader, splits: Sequence[str], *, least_frames: int = 8, balance: float = 0.5):
-        rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames]
-        rows = [row for row in rows if reader.layout(row.clip) == "rigid"]
+    def __init__(
+        self,
+        reader: TpcReader,
+        splits: Sequence[str],
+        *,
+        least_frames: int = 8,
+        balance: float = 0.0,
+        cache_mb: float = 256,
+    ):
+        # A rigid clip names the bones it rides on; a dense one has none.
+        rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames and row.skeleton]
         if not rows:
             raise InputError(
                 f"The tpc artefact has no rigid clip of {least_frames} frames in {', '.join(splits)}.",
                 "Give longer clips, or splits that name some.",
             )
         self._load_skeletons(reader, sorted({row.skeleton for row in rows}))
-        bones = self.tails.shape[1]
-        total = sum(row.frames for row in rows)
-        self.heads = torch.zeros(total, bones, 3)
-        self.rotations = torch.zeros(total, bones, 4)
-        self.rotations[..., 3] = 1
-        starts, start = [], 0
-        for row in rows:
-            heads, rotations = reader.transforms(row.clip)
-            self.heads[start : start + row.frames, : heads.shape[1]] = torch.from_numpy(heads)
-            self.rotations[start : start + row.frames, : heads.shape[1]] = torch.from_numpy(rotations)
-            starts.append(start)
-            start += row.frames
-        self.starts = np.array(starts)
+        self._cache = FrameCache(reader, cache_mb)
+        self.clips = [row.clip for row in rows]
         self.lengths = np.array([row.frames for row in rows])
         self.skeletons = np.array([self._order[row.skeleton] for row in rows])
         self.share = _clip_shares([row.source for row in rows], self.lengths, balance)
@@ -93,6 +91,11 @@ class WindowPool:
             self.groups[index, :count] = torch.from_numpy(np.maximum(np.asarray(each.groups, dtype=np.int64), 0))
             self.weights[index, :count] = torch.from_numpy(np.asarray(each.weights, dtype=np.float32))
 
+    @property
+    def kept_bytes(self) -> int:
+        """Bytes of frames kept in memory."""
+        return self._cache.kept_bytes
+
     def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
         """Windows of up to `window` frames at random places, playback speed varied if `augment`."""
         clips = rng.choice(len(self.lengths), size=batch, p=self.share)
@@ -108,22 +111,34 @@ class WindowPool:
         return self._read(clips, first.astype(np.float64), np.ones(len(clips)), window)
 
     def _read(self, clips: np.ndarray, first: np.ndarray, speed: np.ndarray, window: int) -> Windows:
-        last = torch.from_numpy(self.lengths[clips] - 1).unsqueeze(1)
-        wanted = torch.from_numpy(first[:, None] + np.arange(window) * speed[:, None])
+        last = self.lengths[clips, None] - 1
+        wanted = first[:, None] + np.arange(window) * speed[:, None]
         valid = wanted <= last + 1e-6
-        wanted = torch.minimum(wanted, last.double())
-        below = wanted.floor().long()
-        share = (wanted - below).float()
-        above = torch.minimum(below + 1, last)
-        start = torch.from_numpy(self.starts[clips]).unsqueeze(1)
-        heads, rotations = self.heads[start + below], self.rotations[start + below]
+        wanted = np.minimum(wanted, last)
+        below = np.floor(wanted).astype(np.int64)
+        share = torch.from_numpy(wanted - below).float()
+        above = np.minimum(below + 1, last)
+        frames = np.zeros((2, len(clips), window, self.tails.shape[1], 7), np.float32)
+        frames[..., 6] = 1
+        for row, clip in enumerate(clips):
+            start = below[row, 0]
+            read = self._cache.frames(self.clips[clip], start, above[row, -1] + 1)
+            frames[0, row, :, : read.shape[1]] = read[below[row] - start]
+            frames[1, row, :, : read.shape[1]] = read[above[row] - start]
+        (heads, next_heads), (rotations, next_rotations) = torch.from_numpy(frames).split((3, 4), dim=-1)
         if bool((share > 0).any()):
-            heads = torch.lerp(heads, self.heads[start + above], share[..., None, None])
-            rotations = torch.lerp(rotations, self.rotations[start + above], share[..., None, None])
+            heads = torch.lerp(heads, next_heads, share[..., None, None])
+            rotations = torch.lerp(rotations, next_rotations, share[..., None, None])
             rotations = torch.nn.functional.normalize(rotations, dim=-1)
         kind = torch.from_numpy(self.skeletons[clips])
         return Windows(
-            heads, rotations, valid, self.parents[kind], self.tails[kind], self.groups[kind], self.weights[kind]
+            heads.contiguous(),
+            rotations.contiguous(),
+            torch.from_numpy(valid),
+            self.parents[kind],
+            self.tails[kind],
+            self.groups[kind],
+            self.weights[kind],
         )
 
 

@@ -1,5 +1,7 @@
 """Windows and clouds for training: right frames, right groups, no leak."""
 
+import pickle
+
 import numpy as np
 import pytest
 import torch
@@ -13,9 +15,14 @@ from .tiny_clouds import write_clouds
 
 
 @pytest.fixture(scope="module")
-def pool(tmp_path_factory) -> WindowPool:
+def reader(tmp_path_factory):
     with TpcReader(write_clouds(tmp_path_factory.mktemp("clouds") / "tpc")) as reader:
-        return WindowPool(reader, ("train",))
+        yield reader
+
+
+@pytest.fixture(scope="module")
+def pool(reader) -> WindowPool:
+    return WindowPool(reader, ("train",))
 
 
 def test_the_same_seed_draws_the_same_windows(pool):
@@ -31,9 +38,40 @@ def test_short_clips_are_masked_and_hold_their_last_frame(pool):
     assert (window.heads[0, 12:] == window.heads[0, 11]).all()
 
 
-def test_data_sets_share_as_balance_says(pool):
-    assert pool.share.sum() == pytest.approx(1)
-    assert (pool.share > 0).all()
+@pytest.mark.parametrize("balance", [0.0, 0.5, 1.0])
+def test_data_sets_share_as_balance_says(reader, balance):
+    pool = WindowPool(reader, ("train",), balance=balance)
+    frames, share = {}, {}
+    for clip, length, chance in zip(pool.clips, pool.lengths, pool.share, strict=True):
+        archive = reader.row(clip).source.split("!")[0]
+        frames[archive] = frames.get(archive, 0) + length
+        share[archive] = share.get(archive, 0) + chance
+    wanted = {archive: count**balance for archive, count in frames.items()}
+    assert len(share) == 2
+    for archive, chance in share.items():
+        assert chance == pytest.approx(wanted[archive] / sum(wanted.values()))
+
+
+def test_windows_come_from_the_file_as_it_is_whatever_is_kept_in_memory(tmp_path):
+    with TpcReader(write_clouds(tmp_path / "tpc", clips=2, frames=600)) as reader:
+        kept, unkept = (WindowPool(reader, ("train",), cache_mb=limit) for limit in (100, 0))
+        scarce = WindowPool(reader, ("train",), cache_mb=0.1)  # room for one piece of the long clip
+        for seed in range(8):
+            drawn = [pool.draw(4, 40, np.random.default_rng(seed), augment=True) for pool in (kept, unkept, scarce)]
+            for other in drawn[1:]:
+                assert all((getattr(drawn[0], name) == value).all() for name, value in vars(other).items())
+        assert scarce.kept_bytes <= 0.1e6 < kept.kept_bytes
+        assert unkept.kept_bytes == 0
+        heads, rotations = reader.transforms(kept.clips[1])
+        window = kept.at(np.array([1]), np.array([250]), 20)  # across the border of two chunks
+        assert (window.heads[0].numpy() == heads[250:270]).all()
+        assert (window.rotations[0].numpy() == rotations[250:270]).all()
+
+
+def test_a_pool_travels_to_another_process(pool):
+    copy = pickle.loads(pickle.dumps(pool))
+    first, second = (each.draw(3, 20, np.random.default_rng(1), augment=True) for each in (pool, copy))
+    assert (first.heads == second.heads).all()
 
 
 def test_clouds_are_placed_by_the_known_frames_alone(pool):
