@@ -26,7 +26,7 @@ def results(
 
     from data_schemas.manifest import open_artefact
     from data_schemas.metrics import read_metrics
-    from stages.evaluate.tables import cells, terminal_lines
+    from stages.statistics.tables import cells, terminal_lines
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with told(manner, "pumps results"):

@@ -7,8 +7,8 @@ from pathlib import Path
 from pydantic import Field, field_validator
 
 from stages.config import DeviceConfig
+from stages.statistics.tasks import TASK_NAMES
 
-TASK_NAMES = ("interpolation", "transition", "prediction")
 PROTOCOLS = ("pumps", "lafan1")
 
 

@@ -13,13 +13,14 @@ import numpy as np
 from data_schemas.errors import UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
-from stages.evaluate.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
-from stages.evaluate.windows import PREDICTION, Task, Window
 from stages.inference.filling import fill_motion
 from stages.inference.models import load_weights, weights_folder
 from stages.networks.device import choose_device
+from stages.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
+from stages.statistics.tasks import PREDICTION
+from stages.statistics.windows import Task, Window
 
 TRUE_CLOUD = "solve-true-cloud"
 RECONSTRUCTED = "-reconstructed"

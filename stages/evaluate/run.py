@@ -15,10 +15,13 @@ from data_schemas.manifest import open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
 from stages.config import StageReport
-from stages.evaluate.baselines import Filled
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
-from stages.evaluate.measuring import (
+from stages.evaluate.methods import LoadedWeights, load_all, methods_for
+from stages.evaluate.summary import summary_md
+from stages.progress import SILENT, Progress
+from stages.statistics.baselines import Filled
+from stages.statistics.figures import (
     POWER_WEIGHTED,
     Figures,
     Truth,
@@ -29,12 +32,10 @@ from stages.evaluate.measuring import (
     measured_joints,
     position_deviation,
 )
-from stages.evaluate.methods import LoadedWeights, load_all, methods_for
-from stages.evaluate.summary import summary_md
-from stages.evaluate.tables import cells, terminal_lines
-from stages.evaluate.windows import CONTEXT, INTERPOLATION, LAFAN1_CONTEXT, PREDICTION, TRANSITION, Task, Window
-from stages.progress import SILENT, Progress
 from stages.statistics.metrics import key_jump_mm
+from stages.statistics.tables import cells, terminal_lines
+from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
+from stages.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
 
 TRUTH = "truth"
 

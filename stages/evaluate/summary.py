@@ -9,7 +9,7 @@ from data_schemas.manifest import Artefact
 from data_schemas.metrics import MetricRow
 from stages.evaluate.config import Config
 from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
-from stages.evaluate.tables import Cell, Key, overview, task_tables
+from stages.statistics.tables import Cell, Key, overview, task_tables
 
 LEGEND = (
     "In the tables below: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) "

@@ -16,9 +16,12 @@ from data_schemas.metrics import read_metrics
 from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.skeleton import Motion, Skeleton
 from stages.evaluate import methods
-from stages.evaluate.baselines import BASELINES, Poses
 from stages.evaluate.config import Config
-from stages.evaluate.measuring import (
+from stages.evaluate.methods import named_source, window_seed, without_answers
+from stages.evaluate.run import run
+from stages.statistics.archives import archive_of
+from stages.statistics.baselines import BASELINES, Poses
+from stages.statistics.figures import (
     facing_turn,
     hip_joints,
     measured_joints,
@@ -26,10 +29,7 @@ from stages.evaluate.measuring import (
     turned_quaternions,
     turned_vectors,
 )
-from stages.evaluate.methods import named_source, window_seed, without_answers
-from stages.evaluate.run import run
-from stages.evaluate.windows import Window
-from stages.statistics.archives import archive_of
+from stages.statistics.windows import Window
 from tests.inference.examples import write_random_weights
 
 NAMES = ("world", "hips", "chest", "head", "arm.L", "arm.R", "leg.L", "leg.R", "twist")

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stages.evaluate.config import TASK_NAMES
-
-INTERPOLATION, TRANSITION, PREDICTION = TASK_NAMES
+from stages.statistics.tasks import INTERPOLATION, TRANSITION
 
 LEAST_FRAMES = 46  # a clip shorter than this is not measured
 CONTEXT = 15  # known frames on each side of a transition

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from data_schemas.metrics import MetricRow
-from stages.evaluate.tables import ALL, cell_text, cells, overview, scopes_of, task_tables, terminal_lines
+from stages.statistics.tables import ALL, cell_text, cells, overview, scopes_of, task_tables, terminal_lines
 
 ROW = MetricRow("c", "s", "set-1", "slerp", "interpolation", 15, "l2p_m", 0.5)
 

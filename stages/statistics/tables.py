@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.metrics import MetricRow
-from stages.evaluate.measuring import METRICS, POWER_WEIGHTED
-from stages.evaluate.windows import INTERPOLATION, PREDICTION, TRANSITION
 from stages.statistics.bootstrap import Estimate, mean_interval, ratio_interval
+from stages.statistics.figures import METRICS, POWER_WEIGHTED
+from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 
 ALL = "all archives"
 TASK_WORDS = {

@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from data_schemas.skeleton import Motion, Skeleton
-from stages.evaluate.baselines import BASELINES, PREDICTION_BASELINES, Poses
+from stages.statistics.baselines import BASELINES, PREDICTION_BASELINES, Poses
 
 PARENTS = np.array([-1, 0, 1, 1], np.int32)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.evaluate.windows import Task, Window, chosen_windows, clip_windows
+from stages.statistics.windows import Task, Window, chosen_windows, clip_windows
 
 
 def test_known_frames_of_each_task() -> None:

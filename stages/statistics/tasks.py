@@ -1,0 +1,6 @@
+"""The tasks that are measured, by name. Imports nothing, so that configs may name them."""
+
+from __future__ import annotations
+
+TASK_NAMES = ("interpolation", "transition", "prediction")
+INTERPOLATION, TRANSITION, PREDICTION = TASK_NAMES
