@@ -16,7 +16,7 @@ from data_schemas.skeleton import Motion
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
 from stages.inference.filling import fill_motion
-from stages.inference.models import load_weights, weights_folder
+from stages.inference.models import load_weights, named_source, weights_folder
 from stages.networks.device import choose_device
 from stages.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.statistics.tasks import PREDICTION
@@ -75,16 +75,6 @@ def load_all(config: Config) -> list[LoadedWeights]:
         taken |= {name, name + RECONSTRUCTED}
         loaded.append(LoadedWeights(name, source, load_weights(source, config.device)))
     return loaded
-
-
-def named_source(text: str) -> tuple[str, str]:
-    """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part."""
-    name, equals, source = text.partition("=")
-    if not equals:
-        return Path(text).name or text, text
-    if not name or not source:
-        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
-    return name, source
 
 
 def without_answers(motion: Motion, known: np.ndarray) -> Motion:

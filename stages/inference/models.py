@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from data_schemas.checkpoint import read_checkpoint
-from data_schemas.errors import InputError
+from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
 from stages.networks.cloud_decoder import CloudDecoder
 from stages.networks.device import choose_device
@@ -191,6 +191,16 @@ def shipped_weights() -> list[str]:
     if not SHIPPED.is_dir():
         return []
     return sorted(each.name for each in SHIPPED.iterdir() if (each / "ae" / "manifest.json").is_file())
+
+
+def named_source(text: str) -> tuple[str, str]:
+    """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part."""
+    name, equals, source = text.partition("=")
+    if not equals:
+        return Path(text).name or text, text
+    if not name or not source:
+        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
+    return name, source
 
 
 def weights_folder(name_or_path: str | Path) -> Path:

@@ -17,8 +17,9 @@ from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.skeleton import Motion, Skeleton
 from stages.evaluate import methods
 from stages.evaluate.config import Config
-from stages.evaluate.methods import named_source, window_seed, without_answers
+from stages.evaluate.methods import window_seed, without_answers
 from stages.evaluate.run import run
+from stages.inference.models import named_source
 from stages.statistics.archives import archive_of
 from stages.statistics.baselines import BASELINES, Poses
 from stages.statistics.figures import (
