@@ -49,6 +49,34 @@ def interpolate_known(values: Tensor, known: Tensor, times: Tensor) -> Tensor:
     return torch.lerp(start, end, share.unsqueeze(-1).to(values.dtype))
 
 
+def key_distance(known: Tensor, times: Tensor) -> Tensor:
+    """(B, T) frames to the nearest key. A plain interpolation's error grows with it (a position's with its
+    square, near a key), so a residual that grows likewise asks outputs of one size of the network everywhere."""
+    first, last = neighbouring_keys(known)
+    since, until = (times - times.gather(1, first)).abs(), (times.gather(1, last) - times).abs()
+    return torch.minimum(since, until).float()
+
+
+def place_in_gap(known: Tensor, times: Tensor) -> Tensor:
+    """Where a frame stands in its gap, (B, T, 8): all functions of differences of times."""
+    first, last, share = share_between_keys(known, times)
+    since = (times - times.gather(1, first)) / 30
+    until = (times.gather(1, last) - times) / 30
+    one_sided = (until < 0) | (since < 0) | ((since + until) <= 0)
+    gap = since.abs() + until.abs()
+    features = [
+        share,
+        share * (1 - share),
+        since,
+        until,
+        gap,
+        (1 + 30 * gap).log(),
+        one_sided.float(),
+        known.float(),
+    ]
+    return torch.stack([feature.float() for feature in features], dim=-1)
+
+
 class LatentSynthesiser(nn.Module):
     """Known latent frames in, all latent frames out.
 
@@ -106,7 +134,7 @@ class LatentSynthesiser(nn.Module):
         keys = self.embed_key(torch.cat([latents, centroids - origin * gate], dim=-1))
         for layer in self.key_layers:
             keys = layer(keys, times, known=known)
-        place = self._place(known, times)
+        place = place_in_gap(known, times)
         missing = self.embed_missing(torch.cat([base_latents, base_centroids - origin, place], dim=-1))
         missing = missing + self.missing_token
         for layer in self.fill_layers:
@@ -114,32 +142,6 @@ class LatentSynthesiser(nn.Module):
         frames = torch.where(gate, keys, missing)
         for layer in self.frame_layers:
             frames = layer(frames, times, known=valid)
-        far = self._distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
+        far = key_distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
         residual = self.out(self.norm(frames)).float() * torch.where(gate, 0, far)
         return base_latents + residual[..., :-3], base_centroids + _FAR_M * far * residual[..., -3:]
-
-    def _distance(self, known: Tensor, times: Tensor) -> Tensor:
-        """(B, T) frames to the nearest key. A plain interpolation's error grows with it (a position's with its
-        square, near a key), so a residual that grows likewise asks outputs of one size of the network everywhere."""
-        first, last = neighbouring_keys(known)
-        since, until = (times - times.gather(1, first)).abs(), (times.gather(1, last) - times).abs()
-        return torch.minimum(since, until).float()
-
-    def _place(self, known: Tensor, times: Tensor) -> Tensor:
-        """Where a frame stands in its gap, (B, T, 8): all functions of differences of times."""
-        first, last, share = share_between_keys(known, times)
-        since = (times - times.gather(1, first)) / 30
-        until = (times.gather(1, last) - times) / 30
-        one_sided = (until < 0) | (since < 0) | ((since + until) <= 0)
-        gap = since.abs() + until.abs()
-        features = [
-            share,
-            share * (1 - share),
-            since,
-            until,
-            gap,
-            (1 + 30 * gap).log(),
-            one_sided.float(),
-            known.float(),
-        ]
-        return torch.stack([feature.float() for feature in features], dim=-1)
