@@ -13,7 +13,7 @@ from torch import Tensor
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
-from stages.networks.cloud_decoder import CloudDecoder
+from stages.networks.cloud_decoder import CloudDecoder, grid_cells
 from stages.networks.device import choose_device
 from stages.networks.frame_encoder import FrameEncoder
 from stages.networks.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
@@ -81,6 +81,8 @@ class Autoencoder:
 
     def draw_noise(self, points: int, seed: int) -> Tensor:
         """Identities (points, Z), the same for the same seed on every device."""
+        if self.decoder.sizes.identities == "grid":
+            return grid_cells(points)
         return torch.randn(points, self.decoder.sizes.noise, generator=torch.Generator().manual_seed(seed))
 
 
@@ -228,8 +230,8 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
     chosen = choose_device(device)
     encoder = FrameEncoder(EncoderSizes(**kept.config["encoder"]))
     decoder = CloudDecoder(encoder.latent_width, DecoderSizes(**kept.config["decoder"]))
-    _load(encoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("encoder.")}, path)
-    _load(decoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("decoder.")}, path)
+    load_state(encoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("encoder.")}, path)
+    load_state(decoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("decoder.")}, path)
     return Autoencoder(
         encoder.to(chosen).eval(),
         decoder.to(chosen).eval(),
@@ -257,7 +259,7 @@ def load_weights(name_or_path: str | Path, device: str = "auto") -> Models:
             "Train it again with `pumps train lms`.",
         )
     synthesiser = LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**kept.config["synthesiser"]))
-    _load(synthesiser, kept.weights, folder)
+    load_state(synthesiser, kept.weights, folder)
     return Models(
         autoencoder,
         synthesiser.to(autoencoder.device).eval(),
@@ -269,7 +271,8 @@ def load_weights(name_or_path: str | Path, device: str = "auto") -> Models:
     )
 
 
-def _load(network: torch.nn.Module, weights: dict[str, np.ndarray], path: object) -> None:
+def load_state(network: torch.nn.Module, weights: dict[str, np.ndarray], path: object) -> None:
+    """Give a network its weights by name. Raises InputError where they do not fit."""
     try:
         network.load_state_dict(
             {name: torch.from_numpy(np.array(value, np.float32)) for name, value in weights.items()}
