@@ -85,3 +85,27 @@ class SynthesiserSizes(Sizes):
         description="What the residual is added to: the latents of the skeleton's own plain "
         "interpolation (skeleton), or the known latents interpolated (latent).",
     )
+
+
+class SkeletonSizes(Sizes):
+    """The network from clouds to one rig's pose (PC-MRL 3.2, 4.2)."""
+
+    width: int = Field(default=256, description="Width of the attention over time.")
+    layers: int = Field(default=4, description="Layers of attention over time.")
+    heads: int = Field(default=8, description="Attention heads.")
+    heading: bool = Field(
+        default=True,
+        description="Turn every frame's cloud to face one way before the network sees it; without it (PC-MRL) the "
+        "network learns all headings.",
+    )
+
+
+class InterpolatorSizes(Sizes):
+    """The interpolator in one skeleton's pose space (CITL, as PC-MRL 3.4 changes it)."""
+
+    width: int = Field(default=512, description="Width of all attention stages.")
+    heads: int = Field(default=8, description="Attention heads.")
+    key_layers: int = Field(default=8, description="Layers over the keyframes alone.")
+    fill_layers: int = Field(default=8, description="Layers in which missing frames look at the encoded keys.")
+    frame_layers: int = Field(default=8, description="Layers over all frames.")
+    longest: int = Field(default=64, description="Frames apart beyond which all distances count alike.", ge=1)
