@@ -5,6 +5,7 @@ Weights and optimiser are safetensors, config is JSON, the log is Parquet: nothi
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -66,10 +67,17 @@ def write_checkpoint(
     if optimiser is not None:
         _save(optimiser, folder / OPTIMISER_NAME)
     (folder / CONFIG_NAME).write_text(json.dumps(config, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    (folder / LOG_NAME).write_bytes(log_bytes(log))
+    (folder / CARD_NAME).write_text(card, encoding="utf-8")
+
+
+def log_bytes(log: Sequence[Mapping[str, Any]]) -> bytes:
+    """A log as a Parquet file: a column a name, empty where a row has none of it."""
     columns = sorted({name for entry in log for name in entry})
     table = pa.table({name: [entry.get(name) for entry in log] for name in columns})
-    pq.write_table(table, folder / LOG_NAME, compression="zstd")
-    (folder / CARD_NAME).write_text(card, encoding="utf-8")
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()
 
 
 def read_checkpoint(artefact: Artefact | str | os.PathLike[str], *, optimiser: bool = True) -> Checkpoint:

@@ -10,6 +10,7 @@ from torch.nn import functional as F
 
 from stages.kinematics.conventions import GROUPS
 from stages.networks.attention import TimeLayer, sinusoids
+from stages.networks.row_generator import draw_normal, draw_uniform
 from stages.networks.sizes import DecoderSizes
 
 
@@ -23,7 +24,7 @@ def drop_features(latents: Tensor, share: float, kind: str, generator: torch.Gen
     if share <= 0:
         return latents
     shape = (latents.shape[0], 1 if kind == "sequence" else latents.shape[1], latents.shape[2])
-    keep = torch.rand(shape, generator=generator, device=latents.device) >= share
+    keep = draw_uniform(shape, generator, latents.device) >= share
     return latents * keep / (1 - share)
 
 
@@ -106,7 +107,7 @@ class CloudDecoder(nn.Module):
         device = self.embed.weight.device
         if self.sizes.identities == "grid":
             return grid_cells(points).to(device).expand(batch, -1, -1)
-        return torch.randn(batch, points, self.sizes.noise, generator=generator, device=device)
+        return draw_normal((batch, points, self.sizes.noise), generator, device)
 
 
 def grid_cells(points: int) -> Tensor:

@@ -15,6 +15,7 @@ from stages.networks.frame_encoder import FrameEncoder
 from stages.pointcloud.assignment import chamfer_squared, paired_difference
 from stages.pointcloud.reconstruction import distances, spread_ratios
 from stages.train_ae.config import Config
+from stages.training.task import RowRandom
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
 _UNIT_M = 0.1  # the loss is in squared decimetres, so that it is near 1 at the start
@@ -51,6 +52,8 @@ class Reconstruction(NamedTuple):
 class AutoencoderTask:
     """A `Task` of the training loop."""
 
+    splits = True
+
     def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
         self.config, self.pool, self.device = config, pool, device
         torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
@@ -59,8 +62,8 @@ class AutoencoderTask:
         windows = held_back.draw(32, config.window, rng, augment=False)
         self.held_back = self._clouds(windows, rng, augment=False, copies=2)
 
-    def draw(self, rng: np.random.Generator) -> CloudBatch:
-        windows = self.pool.draw(self.config.batch, self.config.window, rng, augment=self.config.augment)
+    def draw(self, rng: RowRandom) -> CloudBatch:
+        windows = self.pool.draw(len(rng.rows), self.config.window, rng, augment=self.config.augment)
         return self._clouds(windows, rng, augment=self.config.augment)[0]
 
     def _clouds(

@@ -21,7 +21,7 @@ from stages.networks.device import precision
 from stages.networks.synthesiser import LatentSynthesiser, interpolate_known
 from stages.train_lms.config import Config
 from stages.training.masks import draw_known
-from stages.training.task import step_seed
+from stages.training.task import RowRandom, step_seed
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
 _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
@@ -43,6 +43,8 @@ class FillBatch:
 class SynthesiserTask:
     """A `Task` of the training loop."""
 
+    splits = True
+
     def __init__(
         self, config: Config, autoencoder: Autoencoder, pool: WindowPool, held_back: WindowPool, device: torch.device
     ):
@@ -54,9 +56,13 @@ class SynthesiserTask:
         self.networks = LatentSynthesiser(self.encoder.latent_width, config.synthesiser).to(device)
         self.held_back = list(self._validation(held_back))
 
-    def draw(self, rng: np.random.Generator) -> FillBatch:
+    def weight(self, batch: FillBatch) -> float:
+        """The loss is a mean over missing frames."""
+        return float((batch.valid & ~batch.known).sum())
+
+    def draw(self, rng: RowRandom) -> FillBatch:
         config = self.config
-        windows = self.pool.draw(config.batch, config.window, rng, augment=config.augment)
+        windows = self.pool.draw(len(rng.rows), config.window, rng, augment=config.augment)
         known = draw_known(windows.valid.sum(1), config.window, config.longest_gap, rng)
         return self._clouds(windows, known, rng, augment=config.augment)
 

@@ -15,6 +15,9 @@ class TrainingConfig(DeviceConfig):
     output: Path = Field(description="Folder of the checkpoint artefact.")
     steps: int = Field(10000, description="Optimiser steps.", ge=1)
     batch: int = Field(16, description="Windows in a step.", ge=1)
+    accumulate: int = Field(
+        1, description="Parts that each process takes its share of a batch in, one after the other.", ge=1
+    )
     window: int = Field(128, description="Frames in a window.", ge=4)
     points: int = Field(256, description="Points in a cloud.", ge=8)
     learning_rate: float = Field(1e-4, description="Peak learning rate of AdamW.")
@@ -32,9 +35,20 @@ class TrainingConfig(DeviceConfig):
         0.0, description="A data set is drawn by its frames to this power: 0 an equal share each, 1 as they come."
     )
     cache_mb: float = Field(256, description="Megabytes of frames to keep in memory; the rest is read when wanted.")
+    workers: int = Field(
+        0, description="Processes that draw batches ahead (GPUs want 2 to 8); 0: a thread of this one.", ge=0
+    )
+    activation_checkpointing: bool = Field(
+        False, description="Compute layers again in the backward pass: less memory, about a third more time."
+    )
     mixed_precision: bool = Field(True, description="bfloat16 in the networks where the device computes it faster.")
-    validate_every: int = Field(500, description="Steps between validations.")
-    checkpoint_every: int = Field(500, description="Steps between checkpoints.")
+    validate_every: int = Field(500, description="Steps between validations.", ge=1)
+    checkpoint_every: int = Field(500, description="Steps between checkpoints.", ge=1)
+    keep_checkpoints: int = Field(2, description="Checkpoints of an unfinished run to keep, the newest.", ge=1)
+    keep_optimiser: bool = Field(False, description="Keep the optimiser's state in the finished checkpoint.")
+    initial: Path | None = Field(
+        None, description="A finished checkpoint to start from: its weights, and its optimiser's state where kept."
+    )
     patience: int = Field(0, description="Validations without gain before stopping early; 0 never stops early.")
     max_time: float = Field(0, description="Minutes after which to stop with a checkpoint that resumes; 0 for none.")
     tensorboard: bool = Field(False, description="Also write TensorBoard logs (needs the extra 'tensorboard').")

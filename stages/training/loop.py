@@ -1,48 +1,40 @@
-"""The one training loop: resume, checkpoints, log, validation, early stop, clipping, mixed precision, seeds.
+"""The one training loop: parts of batches, several processes, validation, checkpoints, log, early stop, seeds.
 
-Unfinished work lies in `NAME.partial` as a checkpoint artefact with the optimiser's state, swapped whole, so that a
-run killed at any instant goes on from the last one. Every draw follows from (seed, step), so that the resumed run
-takes the same steps as an unbroken one.
+Every draw follows from (seed, step, window), so that a resumed run takes the same steps as an unbroken one, and a
+batch is the same batch however many processes and parts it is spread over.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
-from pathlib import Path
+from contextlib import closing
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from data_schemas.artefact import open_artefact, partial_folder, write_artefact
-from data_schemas.checkpoint import read_checkpoint, write_checkpoint
+from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import PumpsError
-from stages.progress import Progress
+from stages.progress import SILENT, Progress
+from stages.training.batches import drawn_ahead, parts_of
 from stages.training.config import TrainingConfig
-from stages.training.task import Task, step_seed
+from stages.training.log import TrainingLog
+from stages.training.ranks import Ranks, join_ranks
+from stages.training.task import Task, step_generator
+from stages.training.unfinished import Place, Unfinished, arrays_of, moments_of, set_moments, set_weights
 
-_DRAW, _NETWORK = 1, 2  # purposes of the generators
-_PROGRESS_ONLY = ("max_time", "output", "tensorboard", "device")  # may differ when a run is resumed
-
-
-@dataclass
-class TrainingState:
-    """What a resumed run needs besides the config."""
-
-    step: int = 0
-    best: float = float("inf")
-    stale: int = 0
-    seconds: float = 0.0
-    log: list[dict[str, Any]] = field(default_factory=list)
+_NETWORK = 2  # the purpose of the generators
+_LOG_EVERY = 20
 
 
 @dataclass
 class Trained:
-    """The result: averaged weights of the best validation, the log, and whether training has come to its end."""
+    """The result: averaged weights of the best validation, the log, and whether training has come to its end.
+
+    `best` is the best validation's score and `best_step` its step; `optimiser` the state at the end, where kept.
+    """
 
     weights: dict[str, np.ndarray]
     log: list[dict[str, Any]]
@@ -50,6 +42,8 @@ class Trained:
     step: int
     seconds: float
     best: float
+    best_step: int = 0
+    optimiser: dict[str, np.ndarray] | None = None
 
 
 def learning_rate(config: TrainingConfig, step: int) -> float:
@@ -59,181 +53,217 @@ def learning_rate(config: TrainingConfig, step: int) -> float:
     return rate * min(1.0, left)
 
 
-def train(task: Task, config: TrainingConfig, *, progress: Progress) -> Trained:
-    """Train until the steps are done, patience or `max_time` is over.
+def average_decay(config: TrainingConfig, step: int) -> float:
+    """How much of the moving average stays at a step; early steps count fully, so that it starts from no random
+    weights."""
+    return min(config.average, (1 + step) / (10 + step))
 
-    Raises: PumpsError where the loss stops being a number.
+
+def train(task: Task, config: TrainingConfig, *, progress: Progress) -> Trained:
+    """Train until the steps are done, patience or `max_time` is over; in all processes that the launcher started.
+
+    Raises:
+        UsageError: a batch cannot be spread over the processes and parts.
+        InputError: `initial` does not fit.
+        PumpsError: the loss stops being a number.
     """
-    return _Run(task, config, progress).go()
+    device = next(iter(task.networks.parameters())).device
+    ranks = join_ranks(device)
+    return _Run(task, config, ranks, progress if ranks.first else SILENT).go()
 
 
 class _Run:
-    def __init__(self, task: Task, config: TrainingConfig, progress: Progress):
-        self.task, self.config, self.progress = task, config, progress
-        self.partial = partial_folder(config.output)
+    def __init__(self, task: Task, config: TrainingConfig, ranks: Ranks, progress: Progress):
+        self.task, self.config, self.ranks, self.progress = task, config, ranks, progress
+        self.parts = parts_of(config, ranks, getattr(task, "splits", False))
         self.named = dict(task.networks.named_parameters())
+        self.device = next(iter(self.named.values())).device
         self.optimiser = torch.optim.AdamW(
             self.named.values(), lr=config.learning_rate, betas=(0.9, 0.98), weight_decay=config.weight_decay
         )
-        self.average = {name: value.detach().clone() for name, value in task.networks.state_dict().items()}
-        self.state = TrainingState()
+        for module in task.networks.modules():
+            if hasattr(module, "checkpointing"):
+                setattr(module, "checkpointing", config.activation_checkpointing)  # noqa: B010, a plain attribute
+        self.unfinished = Unfinished(config)
+        self.place = Place()
         self.best_weights: dict[str, Tensor] = {}
+        self.bad_step = torch.full((), float("inf"), device=self.device)  # the first whose loss was no number
+        rows = self._begin()
+        self.log = TrainingLog(config, self.unfinished.log_folder, rows) if ranks.first else None
 
     def go(self) -> Trained:
-        self._resume()
-        config, state = self.config, self.state
-        began = time.monotonic() - state.seconds
+        config, place = self.config, self.place
+        began = time.monotonic() - place.seconds
         deadline = time.monotonic() + config.max_time * 60 if config.max_time else float("inf")
-        writer = _tensorboard(config)
         self.progress.start(f"training {config.output.name}", config.steps)
-        self.progress.advance(state.step)
-        figures: dict[str, float] = {}
-        stopped = False
-        for batch in self._batches(state.step):
-            figures = self._step(batch)
-            state.step += 1
-            state.seconds = time.monotonic() - began
-            self.progress.advance(1, " ".join(f"{name} {value:.4g}" for name, value in list(figures.items())[:2]))
-            if state.step % 20 == 0 or state.step == config.steps:
-                state.log.append({"step": state.step, "seconds": state.seconds, "split": "train", **figures})
-            if state.step % config.validate_every == 0 or state.step == config.steps:
-                self._validate(writer)
-            early = config.patience > 0 and state.stale >= config.patience
-            late = time.monotonic() > deadline
-            if early or late or state.step % config.checkpoint_every == 0:
-                self._keep()
-            if early or late:
-                stopped = late and not early
-                break
-        if writer is not None:
-            writer.close()
-        weights = self.best_weights or self.average
-        arrays = {name: value.detach().cpu().numpy() for name, value in weights.items()}
-        return Trained(arrays, state.log, not stopped, state.step, state.seconds, state.best)
+        self.progress.advance(place.step)
+        late = False
+        with closing(drawn_ahead(self.task, config, self.parts, place.step)) as batches:
+            while place.step < config.steps and not late and not self._stale():
+                numbers = self._step(batches, time.monotonic() > deadline)
+                place.step += 1
+                place.seconds = time.monotonic() - began
+                logged = place.step % _LOG_EVERY == 0 or place.step == config.steps
+                validated = place.step % config.validate_every == 0 or place.step == config.steps
+                kept = place.step % config.checkpoint_every == 0
+                note = ""
+                # On a GPU a step is not waited for, but where its figures are wanted.
+                if logged or validated or kept or self.device.type == "cpu":
+                    figures, late = self._seen(numbers)
+                    note = " ".join(f"{name} {value:.4g}" for name, value in list(figures.items())[:2])
+                    if logged and self.log is not None:
+                        self.log.add("train", place.step, place.seconds, figures)
+                self.progress.advance(1, note)
+                if validated:
+                    self._validate()
+                if kept or late:
+                    self._keep()
+        if self.log is not None:
+            self.log.close()
+        finished = place.step == config.steps or self._stale()
+        moments = arrays_of(moments_of(self.optimiser, self.named)) if config.keep_optimiser and finished else None
+        return Trained(
+            arrays_of(self.best_weights or self.average),
+            self.log.rows if self.log is not None else [],
+            finished,
+            place.step,
+            place.seconds,
+            place.best,
+            place.best_step,
+            moments,
+        )
 
-    def _step(self, batch: Any) -> dict[str, float]:
-        config, step = self.config, self.state.step
+    def _stale(self) -> bool:
+        return 0 < self.config.patience <= self.place.stale
+
+    def _weights(self) -> dict[str, Tensor]:
+        return {name: value.detach().clone() for name, value in self.task.networks.state_dict().items()}
+
+    def _step(self, batches: Any, late: bool) -> dict[str, Tensor]:
+        """One step of the optimiser. Returns scalar tensors, on the device, that `_seen` reads."""
+        config, step, task = self.config, self.place.step, self.task
+        rate = learning_rate(config, step)
         for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate(config, step)
-        self.task.networks.train()
-        seed = int(step_seed(config.seed, _NETWORK, step).integers(2**62))
-        generator = torch.Generator(device=next(iter(self.named.values())).device).manual_seed(seed)
-        loss, figures = self.task.loss(batch, generator)
-        if not bool(torch.isfinite(loss)):
-            raise PumpsError(
-                f"The loss is {loss.item()} at step {step}.",
-                "Lower learning_rate or clip_norm; the last checkpoint is kept and the run resumes from it.",
-            )
+            group["lr"] = rate
+        task.networks.train()
         self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        norm = nn.utils.clip_grad_norm_(self.named.values(), config.clip_norm)
+        whole = self.ranks.count * len(self.parts) == 1
+        names: list[str] = []
+        totals: Tensor | None = None
+        for part in self.parts:
+            batch = next(batches)
+            loss, figures = task.loss(batch, step_generator(config.seed, _NETWORK, step, part, self.device))
+            weight = 1.0 if whole else self._weight(batch, part)
+            (loss if whole else loss * weight).backward()
+            names = ["loss", *figures]
+            values = [self._scalar(each) * weight for each in (loss, *figures.values())]
+            here = torch.stack([*values, self._scalar(weight), self._scalar(float(late))])
+            totals = here if totals is None else totals + here
+        assert totals is not None
+        parameters = list(self.named.values())
+        totals = self.ranks.sum_gradients(parameters, totals)
+        if not whole:
+            for parameter in parameters:
+                if parameter.grad is not None:
+                    parameter.grad /= totals[-2]
+        numbers = dict(zip(names, (totals[:-2] / totals[-2]).unbind(), strict=True))
+        norm = nn.utils.clip_grad_norm_(parameters, config.clip_norm)
+        self.bad_step = torch.where(
+            torch.isfinite(numbers["loss"]), self.bad_step, torch.clamp(self.bad_step, max=float(step))
+        )
         self.optimiser.step()
         self._follow()
-        return {
-            "loss": loss.item(),
-            **figures,
-            "gradient_norm": float(norm),
-            "learning_rate": learning_rate(config, step),
-        }
+        return {**numbers, "gradient_norm": norm, "learning_rate": torch.tensor(rate), "late": totals[-1]}
+
+    def _scalar(self, value: Any) -> Tensor:
+        # Filled in on the device: copying a number there would wait for the device.
+        if isinstance(value, Tensor):
+            return value.detach().float().to(self.device)
+        return torch.full((), float(value), device=self.device)
+
+    def _weight(self, batch: Any, part: range) -> float:
+        counts = getattr(self.task, "weight", None)
+        return float(len(part)) if counts is None else counts(batch)
+
+    def _seen(self, numbers: dict[str, Tensor]) -> tuple[dict[str, float], bool]:
+        """The step's figures, and whether the time is over. Raises PumpsError where a loss was no number."""
+        bad = float(self.bad_step)
+        figures = {name: float(value) for name, value in numbers.items()}
+        if bad != float("inf"):
+            raise PumpsError(
+                f"The loss is {figures['loss']} at step {int(bad)}.",
+                "Lower learning_rate or clip_norm; the last checkpoint is kept and the run resumes from it.",
+            )
+        return figures, figures.pop("late") > 0
 
     def _follow(self) -> None:
-        """Move the average after the weights; early steps count fully, so that it starts from no random weights."""
-        decay = min(self.config.average, (1 + self.state.step) / (10 + self.state.step))
+        """Move the average after the weights."""
+        decay = average_decay(self.config, self.place.step)
+        values = self.task.networks.state_dict()
+        moving = [name for name, value in values.items() if value.dtype.is_floating_point and decay > 0]
         with torch.no_grad():
-            for name, value in self.task.networks.state_dict().items():
-                if value.dtype.is_floating_point and decay > 0:
-                    self.average[name].lerp_(value, 1 - decay)
-                else:
-                    self.average[name].copy_(value)
+            torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]
+                [self.average[name] for name in moving], [values[name] for name in moving], 1 - decay
+            )
+            for name in values.keys() - moving:
+                self.average[name].copy_(values[name])
 
-    def _batches(self, first: int) -> Iterator[Any]:
-        """Batches drawn one ahead in a thread, so that drawing costs the step nothing where a core is free."""
-        with ThreadPoolExecutor(1) as drawing:
-            ahead: Future | None = None
-            for step in range(first, self.config.steps):
-                batch = (ahead or drawing.submit(self._draw, step)).result()
-                ahead = drawing.submit(self._draw, step + 1) if step + 1 < self.config.steps else None
-                yield batch
-
-    def _draw(self, step: int) -> Any:
-        return self.task.draw(step_seed(self.config.seed, _DRAW, step))
-
-    def _validate(self, writer: Any) -> None:
-        state, networks = self.state, self.task.networks
-        kept = {name: value.detach().clone() for name, value in networks.state_dict().items()}
-        networks.load_state_dict(self.average)
-        networks.eval()
-        with torch.no_grad():
-            figures = self.task.validate()
-        networks.load_state_dict(kept)
-        state.log.append({"step": state.step, "seconds": state.seconds, "split": "val", **figures})
-        value = next(iter(figures.values()))
-        if value < state.best:
-            state.best, state.stale = value, 0
+    def _validate(self) -> None:
+        """Measure the averaged weights, in the first process."""
+        place, networks = self.place, self.task.networks
+        figures: dict[str, float] = {}
+        if self.log is not None:
+            kept = self._weights()
+            networks.load_state_dict(self.average)
+            networks.eval()
+            with torch.no_grad():
+                figures = self.task.validate()
+            networks.load_state_dict(kept)
+            self.log.add("val", place.step, place.seconds, figures)
+            self.log.save_part()
+            shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
+            self.progress.message(f"step {place.step}: {shown}")
+        score = self.ranks.from_first(next(iter(figures.values()), 0.0))
+        if score < place.best:
+            place.best, place.best_step, place.stale = score, place.step, 0
             self.best_weights = {name: tensor.clone() for name, tensor in self.average.items()}
         else:
-            state.stale += 1
-        shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
-        self.progress.message(f"step {state.step}: {shown}")
-        if writer is not None:
-            for name, number in figures.items():
-                writer.add_scalar(f"val/{name}", number, state.step)
+            place.stale += 1
 
     def _keep(self) -> None:
-        """Write the partial checkpoint: weights, average, best and the optimiser's moments."""
-        arrays: dict[str, Tensor] = {}
-        for name, parameter in self.named.items():
-            for key, value in self.optimiser.state.get(parameter, {}).items():
-                arrays[f"{key}/{name}"] = torch.as_tensor(value)
-        arrays |= {f"average/{name}": value for name, value in self.average.items()}
-        arrays |= {f"best/{name}": value for name, value in self.best_weights.items()}
-        state = {key: value for key, value in vars(self.state).items() if key != "log"}
-        with write_artefact(self.partial, "checkpoint", stage="training", config=self._settings()) as draft:
-            write_checkpoint(
-                draft.folder,
-                weights={name: value.cpu().numpy() for name, value in self.task.networks.state_dict().items()},
-                config={"training": self._settings(), "state": state},
-                optimiser={name: value.detach().cpu().numpy() for name, value in arrays.items()},
-                log=self.state.log,
-                card="Unfinished training; `pumps train` resumes from it.\n",
-            )
-
-    def _resume(self) -> None:
-        if not (self.partial / "manifest.json").exists():
+        """Write a checkpoint: weights, the optimiser's moments, the average and the best."""
+        if self.log is None:
             return
-        kept = read_checkpoint(open_artefact(self.partial, "checkpoint"))
-        if kept.config["training"] != self._settings() or kept.optimiser is None:
-            self.progress.message(f"{self.partial.name} was made with other settings; starting afresh.")
-            return
-        tensors = {name: torch.from_numpy(np.array(value)) for name, value in kept.optimiser.items()}
-        self.task.networks.load_state_dict({name: torch.from_numpy(np.array(v)) for name, v in kept.weights.items()})
-        for name, parameter in self.named.items():
-            if f"step/{name}" not in tensors:
-                continue
-            moments = {key: tensors[f"{key}/{name}"] for key in ("step", "exp_avg", "exp_avg_sq")}
-            self.optimiser.state[parameter] = {
-                key: value if key == "step" else value.to(parameter.device) for key, value in moments.items()
-            }
-        device = next(iter(self.named.values())).device
-        self.average = {name: tensors[f"average/{name}"].to(device) for name in self.average}
-        self.best_weights = {
-            name[5:]: value.to(device) for name, value in tensors.items() if name.startswith("best/")
-        }
-        self.state = TrainingState(**kept.config["state"], log=list(kept.log))
-        self.progress.message(f"going on from step {self.state.step}.")
+        tensors = moments_of(self.optimiser, self.named)
+        tensors |= {f"average/{name}": value for name, value in self.average.items()}
+        tensors |= {f"best/{name}": value for name, value in self.best_weights.items()}
+        self.unfinished.keep(self.place, self.task.networks.state_dict(), tensors, self.log.rows)
+        self.log.forget_parts()
 
-    def _settings(self) -> dict[str, Any]:
-        settings = self.config.model_dump(mode="json")
-        return {name: value for name, value in settings.items() if name not in _PROGRESS_ONLY}
+    def _begin(self) -> list[dict[str, Any]]:
+        """Go on from an unfinished run, or start, from `initial` where given. Returns the rows of the log so far."""
+        networks = self.task.networks
+        kept = self.ranks.from_first(self.unfinished.newest(self.progress) if self.ranks.first else None)
+        if kept is None:
+            if self.config.initial is not None:
+                self._start_from(self.config.initial)
+            self.ranks.copy_weights(networks)
+            self.average = self._weights()
+            return []
+        arrays = kept.optimiser or {}
+        set_weights(networks, kept.weights, source=self.unfinished.folder)
+        set_moments(self.optimiser, self.named, arrays)
+        tensors = {name: torch.from_numpy(np.array(value)).to(self.device) for name, value in arrays.items()}
+        self.average = {name: tensors[f"average/{name}"] for name in networks.state_dict()}
+        self.best_weights = {name[5:]: value for name, value in tensors.items() if name.startswith("best/")}
+        self.place = Place(**kept.config["place"])
+        self.progress.message(f"going on from step {self.place.step}.")
+        return list(kept.log)
 
-
-def _tensorboard(config: TrainingConfig) -> Any:
-    if not config.tensorboard:
-        return None
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise PumpsError(
-            "TensorBoard is not installed.", "Install it with: pip install 'pumps[tensorboard]'."
-        ) from error
-    return SummaryWriter(Path(config.output).with_name(config.output.name + ".tensorboard"))
+    def _start_from(self, initial: Any) -> None:
+        source = read_checkpoint(initial)
+        fresh = set_weights(self.task.networks, source.weights, source=initial)
+        set_moments(self.optimiser, self.named, source.optimiser or {})
+        state = "with" if source.optimiser else "without"
+        new = f"; {len(fresh)} of the weights start fresh, such as {fresh[0]}" if fresh else ""
+        self.progress.message(f"starting from {initial}, {state} its optimiser's state{new}.")

@@ -6,6 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stages.training.task import rows_of
+
 
 def draw_known(lengths: Tensor, window: int, longest_gap: int, rng: np.random.Generator) -> Tensor:
     """A mask for each window, True = known: keyframe interpolation, transition or prediction.
@@ -16,27 +18,28 @@ def draw_known(lengths: Tensor, window: int, longest_gap: int, rng: np.random.Ge
 
     Args:
         lengths: (B,) real frames of each window, at least 4.
+        rng: each window's mask is drawn from its own generator (`rows_of`).
 
     Returns: (B, window) bool, False beyond each length.
     """
     known = torch.zeros(len(lengths), window, dtype=torch.bool)
-    for row, length in enumerate(lengths.tolist()):
-        kind = rng.uniform()
+    for row, (length, own) in enumerate(zip(lengths.tolist(), rows_of(rng, len(lengths)), strict=True)):
+        kind = own.uniform()
         if kind < 0.6:
-            known[row, torch.from_numpy(_keys(length, rng))] = True
+            known[row, torch.from_numpy(draw_keys(length, own))] = True
             continue
         known[row, :length] = True
-        gap = int(rng.integers(min(10, length - 3), min(longest_gap, length - 3) + 1))
+        gap = int(own.integers(min(10, length - 3), min(longest_gap, length - 3) + 1))
         if kind < 0.85:
-            start = int(rng.integers(1, length - gap))
+            start = int(own.integers(1, length - gap))
             known[row, start : start + gap] = False
         else:
             known[row, length - gap : length] = False
     return known
 
 
-def _keys(length: int, rng: np.random.Generator) -> np.ndarray:
-    """Frames of the keys of one interpolation window."""
+def draw_keys(length: int, rng: np.random.Generator) -> np.ndarray:
+    """Frames of the keys of one interpolation window of `length` frames, first and last among them."""
     least, most = max(2, round(length / 24)), max(3, round(length / 4))
     if rng.uniform() < 0.5:
         # Evenly in the logarithm of the interval, so that long gaps are not drowned by short ones.

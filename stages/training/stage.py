@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from data_schemas.artefact import partial_folder, write_artefact
+from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import write_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
@@ -17,6 +16,8 @@ from data_schemas.tpc import TpcReader
 from stages.config import StageReport
 from stages.training.config import TrainingConfig
 from stages.training.loop import Trained
+from stages.training.ranks import started_ranks
+from stages.training.unfinished import Unfinished
 from stages.training.windows import WindowPool
 
 
@@ -51,8 +52,11 @@ def finish(
 ) -> StageReport:
     """Write the checkpoint artefact of a finished run and forget the unfinished one; tell of one that is not.
 
-    The optimiser's state went with the unfinished run: what is kept are the averaged weights of the best validation.
+    What is kept are the averaged weights of the best validation; the optimiser's state with `keep_optimiser` alone.
+    Of several processes the first writes and tells.
     """
+    if not started_ranks().first:
+        return StageReport()
     if not trained.finished:
         return StageReport(
             lines=[
@@ -61,11 +65,13 @@ def finish(
             ],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
         )
+    if config.initial is not None:
+        inputs = [*inputs, open_artefact(config.initial, "checkpoint")]
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
-    last = next((row for row in reversed(trained.log) if row["split"] == "val"), {})
-    card = _card(stage, config, trained, trained_on, licences, count, last)
+    measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
+    card = _card(stage, config, trained, trained_on, licences, count, measured)
     with write_artefact(
         config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
     ) as draft:
@@ -73,12 +79,13 @@ def finish(
             draft.folder,
             weights=weights,
             config={**network, "window": config.window, "points": config.points, "trained_on": trained_on},
-            optimiser=None,
+            optimiser=trained.optimiser,
             log=trained.log,
             card=card,
         )
-    shutil.rmtree(partial_folder(config.output), ignore_errors=True)
-    figures = {"step": trained.step, "finished": True, "seconds": trained.seconds, "parameters": count, "val": last}
+    Unfinished(config).forget()
+    figures = {"step": trained.step, "finished": True, "seconds": trained.seconds, "parameters": count}
+    figures |= {"val": measured}
     return StageReport(
         output=config.output,
         lines=[
@@ -96,7 +103,7 @@ def _card(
     trained_on: str,
     licences: Sequence[str],
     count: int,
-    last: Mapping[str, Any],
+    measured: Mapping[str, Any],
 ) -> str:
     lines = [
         f"# {stage}: weights of pumps",
@@ -105,14 +112,15 @@ def _card(
         "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
+        *([f"- Started from: the weights in {config.initial}."] if config.initial is not None else []),
         f"- Training: {trained.step} steps of {config.batch} windows of {config.window} frames of {config.points} "
         f"points, {trained.seconds / 60:.1f} minutes, seed {config.seed}.",
         "",
-        "Last validation:",
+        f"Validation of these weights, at step {trained.best_step}:",
         "",
         "| figure | value |",
         "|---|---|",
-        *[f"| {name} | {value:.5g} |" for name, value in last.items() if isinstance(value, int | float)],
+        *[f"| {name} | {measured[name]:.5g} |" for name in measured if name not in ("step", "seconds", "split")],
         "",
     ]
     return "\n".join(lines)

@@ -18,6 +18,7 @@ from data_schemas.tpc import TpcReader
 from stages.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
 from stages.pointcloud.sampling import place_points, points_in_bone
 from stages.training.frame_cache import FrameCache
+from stages.training.task import rows_of
 
 _SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
 _SIZE = (0.8, 1.4)
@@ -75,6 +76,7 @@ class WindowPool:
         self.lengths = np.array([row.frames for row in rows])
         self.skeletons = np.array([self._order[row.skeleton] for row in rows])
         self.share = _clip_shares([row.source for row in rows], self.lengths, balance)
+        self._chances = np.cumsum(self.share)
 
     def _load_skeletons(self, reader: TpcReader, names: list[str]) -> None:
         sets = [reader.bones(name) for name in names]
@@ -97,11 +99,13 @@ class WindowPool:
         return self._cache.kept_bytes
 
     def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
-        """Windows of up to `window` frames at random places, playback speed varied if `augment`."""
-        clips = rng.choice(len(self.lengths), size=batch, p=self.share)
-        speed = _log_uniform(_SPEED, batch, rng) if augment else np.ones(batch)
+        """Windows of up to `window` frames at random places, playback speed varied if `augment`; each is drawn from
+        its own generator (`rows_of`)."""
+        chance = np.stack([row.random(3) for row in rows_of(rng, batch)])
+        clips = np.minimum(np.searchsorted(self._chances, chance[:, 0], side="right"), len(self.lengths) - 1)
+        speed = _log_uniform(_SPEED, chance[:, 1]) if augment else np.ones(batch)
         span = np.minimum((window - 1) * speed, self.lengths[clips] - 1)
-        first = rng.uniform(0, 1, batch) * (self.lengths[clips] - 1 - span)
+        first = chance[:, 2] * (self.lengths[clips] - 1 - span)
         if not augment:
             first = np.floor(first)
         return self._read(clips, first, speed, window)
@@ -171,44 +175,52 @@ class CloudMap:
     def redrawn(self, windows: Windows, rng: np.random.Generator) -> CloudMap:
         """Another draw of points, as many in each body group, placed alike."""
         same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.bones).unsqueeze(2)).float()
-        chance = (windows.weights.unsqueeze(1) * same_group).flatten(0, 1)
-        bones = torch.multinomial(chance, 1, generator=_torch_generator(rng)).view_as(self.bones)
-        in_bone = _in_bone(windows, bones, self.sigma, rng)
-        return replace(self, bones=bones, in_bone=in_bone)
+        draws = [_draw_points(row, self.bones.shape[1]) for row in rows_of(rng, len(self.bones))]
+        chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+        bones = _chosen(windows.weights.unsqueeze(1) * same_group, chance.unsqueeze(2)).squeeze(2)
+        return replace(self, bones=bones, in_bone=points_in_bone(windows.tails, bones, alphas, offsets, self.sigma))
 
 
 def draw_clouds(
     windows: Windows, points: int, sigma_m: tuple[float, float], rng: np.random.Generator, *, augment: bool
 ) -> CloudMap:
     """Draw points and a placing for each window: yaw over the whole circle, up to half a metre on each axis, and
-    with `augment` mirror and size."""
-    batch = len(windows.heads)
-    bones = torch.multinomial(windows.weights, points, replacement=True, generator=_torch_generator(rng))
-    sigma = torch.from_numpy(rng.uniform(*sigma_m, batch).astype(np.float32))
-    in_bone = _in_bone(windows, bones, sigma, rng)
+    with `augment` mirror and size. Each window's are drawn from its own generator (`rows_of`)."""
+    rows = rows_of(rng, len(windows.heads))
+    draws = [_draw_points(row, points) for row in rows]
+    chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+    placing = np.stack([row.random(7) for row in rows])
+    bones = _chosen(windows.weights, chance)
+    sigma = torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float()
+    in_bone = points_in_bone(windows.tails, bones, alphas, offsets, sigma)
     groups = torch.gather(windows.groups, 1, bones)
-    yaw = rng.uniform(0, WHOLE_TURN, batch)
-    size = _log_uniform(_SIZE, batch, rng) if augment else np.ones(batch)
-    flip = rng.uniform(0, 1, batch) < 0.5 if augment else np.zeros(batch, bool)
-    turn = torch.from_numpy(_turns(yaw, size, flip)).float()
+    size = _log_uniform(_SIZE, placing[:, 1]) if augment else np.ones(len(rows))
+    flip = placing[:, 2] < 0.5 if augment else np.zeros(len(rows), bool)
+    turn = torch.from_numpy(_turns(WHOLE_TURN * placing[:, 3], size, flip)).float()
     mirrored = torch.tensor(MIRRORED_GROUP)[groups]
     groups = torch.where(torch.from_numpy(flip).unsqueeze(1), mirrored, groups)
-    shift = torch.from_numpy(rng.uniform(-0.5, 0.5, (batch, 1, 1, 3)).astype(np.float32))
+    shift = torch.from_numpy(placing[:, 4:] - 0.5).float().view(-1, 1, 1, 3)
     return CloudMap(bones, in_bone, groups, sigma, turn, shift)
 
 
-def _log_uniform(limits: tuple[float, float], count: int, rng: np.random.Generator) -> np.ndarray:
-    return np.exp(rng.uniform(np.log(limits[0]), np.log(limits[1]), count))
+def _log_uniform(limits: tuple[float, float], chance: np.ndarray) -> np.ndarray:
+    low, high = np.log(limits)
+    return np.exp(low + (high - low) * chance)
 
 
-def _torch_generator(rng: np.random.Generator) -> torch.Generator:
-    return torch.Generator().manual_seed(int(rng.integers(2**62)))
+def _draw_points(rng: np.random.Generator, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What decides each point's bone (P,), its place along it (P,) and its offset (P, 3)."""
+    chance = rng.random(points)
+    return chance, rng.random(points, np.float32), rng.standard_normal((points, 3), np.float32)
 
 
-def _in_bone(windows: Windows, bones: Tensor, sigma: Tensor, rng: np.random.Generator) -> Tensor:
-    alphas = torch.from_numpy(rng.uniform(0, 1, bones.shape).astype(np.float32))
-    offsets = torch.from_numpy(rng.standard_normal((*bones.shape, 3)).astype(np.float32))
-    return points_in_bone(windows.tails, bones, alphas, offsets, sigma)
+def _chosen(weights: Tensor, chance: Tensor) -> Tensor:
+    """Indices drawn in proportion to weights (..., J), one for each of the uniform numbers `chance` (..., P)."""
+    ends = weights.double().cumsum(-1)
+    total = ends[..., -1:]
+    # Just under the total at most: what has no weight is never chosen, not even by rounding.
+    place = torch.minimum(chance * total, torch.nextafter(total, torch.zeros_like(total)))
+    return torch.searchsorted(ends, place.contiguous(), right=True)
 
 
 def _turns(yaw: np.ndarray, size: np.ndarray, flip: np.ndarray) -> np.ndarray:

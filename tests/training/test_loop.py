@@ -69,7 +69,8 @@ def test_a_killed_run_resumes_bit_for_bit(clouds, tmp_path):
     run(config_for(clouds, tmp_path / "whole"))
     with pytest.raises(Killed):
         run(config_for(clouds, tmp_path / "broken"), progress=KillAt(5))
-    assert (partial_folder(tmp_path / "broken") / "manifest.json").exists()
+    kept = sorted(path.name for path in (partial_folder(tmp_path / "broken") / "checkpoints").iterdir())
+    assert kept == ["step_000000002", "step_000000004"]
     assert not (tmp_path / "broken" / "manifest.json").exists()
     report = run(config_for(clouds, tmp_path / "broken"))
     assert report.figures["finished"]

@@ -1,0 +1,150 @@
+"""What an unfinished training keeps on the disk, so that a run killed at any instant goes on from it.
+
+    NAME.partial/checkpoints/step_000002000/   a checkpoint artefact each, the newest few
+    NAME.partial/log/step_000002340.parquet    rows of the log since the newest checkpoint
+
+Each checkpoint is an artefact of its own that appears whole or not at all; older ones go when a newer one is there.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from data_schemas.artefact import partial_folder, write_artefact
+from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from data_schemas.errors import InputError
+from stages.progress import Progress
+from stages.training.config import TrainingConfig
+
+# May differ when a run goes on: what is learnt is the same, but for rounding.
+_FREE = {
+    "output", "device", "max_time", "tensorboard", "checkpoint_every", "keep_checkpoints", "keep_optimiser",
+    "workers", "cache_mb", "accumulate", "activation_checkpointing",
+}  # fmt: skip
+
+
+@dataclass
+class Place:
+    """How far a training has come: steps done, the best validation score and when it was, validations since without
+    gain, and seconds of training."""
+
+    step: int = 0
+    best: float = float("inf")
+    best_step: int = 0
+    stale: int = 0
+    seconds: float = 0.0
+
+
+class Unfinished:
+    """The checkpoints of one unfinished training."""
+
+    def __init__(self, config: TrainingConfig):
+        self.config = config
+        self.folder = partial_folder(config.output)
+        self._checkpoints = self.folder / "checkpoints"
+        settings = config.model_dump(mode="json")
+        self._settings = {name: value for name, value in settings.items() if name not in _FREE}
+
+    @property
+    def log_folder(self) -> Path:
+        return self.folder / "log"
+
+    def keep(
+        self,
+        place: Place,
+        weights: Mapping[str, Tensor],
+        training: Mapping[str, Tensor],
+        log: Sequence[Mapping[str, Any]],
+    ) -> None:
+        """Write a checkpoint of the weights and of the training's own arrays; forget the oldest."""
+        with write_artefact(
+            self._checkpoints / f"step_{place.step:09d}", "checkpoint", stage="training", config=self._settings
+        ) as draft:
+            write_checkpoint(
+                draft.folder,
+                weights=arrays_of(weights),
+                config={"training": self._settings, "place": asdict(place)},
+                optimiser=arrays_of(training),
+                log=log,
+                card="Unfinished training; `pumps train` goes on from it.\n",
+            )
+        for old in self._newest_first()[self.config.keep_checkpoints :]:
+            shutil.rmtree(old, ignore_errors=True)
+
+    def newest(self, progress: Progress) -> Checkpoint | None:
+        """The newest checkpoint that is whole; None where there is none, or the settings were others."""
+        for path in self._newest_first():
+            try:
+                kept = read_checkpoint(path)
+            except InputError as error:
+                progress.message(f"{error.message} Trying the checkpoint before it.")
+                continue
+            if kept.config.get("training") == self._settings and kept.optimiser is not None:
+                return kept
+            progress.message(f"{self.folder.name} was made with other settings; starting afresh.")
+            self.forget()
+            return None
+        return None
+
+    def forget(self) -> None:
+        """Remove it all."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _newest_first(self) -> list[Path]:
+        # A folder without a manifest is a checkpoint that a kill left half written.
+        return sorted((path.parent for path in self._checkpoints.glob("step_*/manifest.json")), reverse=True)
+
+
+def arrays_of(tensors: Mapping[str, Tensor]) -> dict[str, np.ndarray]:
+    """Copies in NumPy."""
+    return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+
+
+def moments_of(optimiser: torch.optim.Optimizer, named: Mapping[str, nn.Parameter]) -> dict[str, Tensor]:
+    """The optimiser's state as "key/parameter" -> tensor."""
+    return {
+        f"{key}/{name}": torch.as_tensor(value)
+        for name, parameter in named.items()
+        for key, value in optimiser.state.get(parameter, {}).items()
+    }
+
+
+def set_moments(
+    optimiser: torch.optim.Optimizer, named: Mapping[str, nn.Parameter], arrays: Mapping[str, np.ndarray]
+) -> None:
+    """Give an AdamW the state that `moments_of` told; parameters that it does not name stay as they are."""
+    for name, parameter in named.items():
+        if f"step/{name}" in arrays:
+            moments = {
+                key: torch.from_numpy(np.array(arrays[f"{key}/{name}"])) for key in ("step", "exp_avg", "exp_avg_sq")
+            }
+            optimiser.state[parameter] = {
+                key: value if key == "step" else value.to(parameter.device) for key, value in moments.items()
+            }
+
+
+def set_weights(networks: nn.Module, arrays: Mapping[str, np.ndarray], *, source: Path) -> list[str]:
+    """Give the networks the weights of a checkpoint; those it does not name stay as they are, and are returned.
+
+    Raises: InputError where it holds weights that these networks have no place for.
+    """
+    own = networks.state_dict()
+    for name, value in arrays.items():
+        if name not in own or tuple(own[name].shape) != value.shape:
+            wanted = f"the shape {tuple(own[name].shape)}" if name in own else "none of that name"
+            raise InputError(
+                f"{source} has weights {name} of the shape {value.shape}, and this network has {wanted}.",
+                "Train with the sizes that it was trained with.",
+            )
+    networks.load_state_dict(
+        {name: torch.from_numpy(np.array(value)).to(own[name].dtype) for name, value in arrays.items()}, strict=False
+    )
+    return [name for name in own if name not in arrays]
