@@ -85,6 +85,13 @@ STAGES: tuple[Stage, ...] = (
         needs=("sample-tpc", "train-ae", "encode"),
     ),
     Stage(
+        "train-skeleton", ("train", "skeleton"), "stages.train_skeleton",
+        "Train a network from clouds of any skeletons to the motion of one rig.",
+        ("BVH", "tpc"), "checkpoint",
+        "pumps train skeleton --preset tiny --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/rig",
+        pipeline=False,
+    ),
+    Stage(
         "pick-clips", ("pick-clips",), "stages.pick_clips",
         "Copy a few test clips out of the sources as BVH files, to be filled.",
         ("motion",), "BVH", "pumps pick-clips --motion runs/mine/ingest -o runs/mine/pick-clips",
@@ -98,8 +105,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "decode", ("decode",), "stages.decode",
-        "Turn latents back into clouds and skeletal motion.",
-        ("latent", "checkpoint", "motion"), "tpc or motion",
+        "Turn latents back into clouds, and latents or clouds into skeletal motion.",
+        ("latent", "tpc", "checkpoint", "motion"), "tpc or motion",
         "pumps decode --latent runs/mine/encode --ae runs/mine/train-ae -o runs/mine/decode",
         needs=("ingest", "train-ae", "encode"),
     ),

@@ -12,19 +12,17 @@ from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.latent import ClipRow, LatentReader
 from data_schemas.motion import MotionReader, MotionWriter
-from data_schemas.skeleton import BODY_GROUPS
 from data_schemas.tpc import TpcWriter
 from stages.config import StageReport
+from stages.decode.clouds import chosen_rows, group_counts, latents_of
 from stages.decode.config import Config
+from stages.decode.onto_rig import decode_onto_rig
 from stages.inference.filling import fill_motion
 from stages.inference.keyframes import parse_keyframes
 from stages.inference.models import Autoencoder, load_autoencoder
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.resampling import resample
 from stages.progress import SILENT, Progress
-
-# Points of each body group where no skeleton says how long its bones are: shares of a human figure's bone lengths.
-GROUP_SHARES = (0.16, 0.155, 0.155, 0.265, 0.265)
 
 
 @dataclass(frozen=True)
@@ -43,30 +41,40 @@ class _DecodingAlone:
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Decode the clips of `config.splits`.
 
-    Raises: InputError for bad artefacts, latents of another encoder, or where no clip can be decoded.
+    Raises: UsageError where the options do not belong together; InputError for bad artefacts, latents of another
+        encoder, or where no clip can be decoded.
     """
-    if config.points < 1:
-        raise UsageError(f"A cloud of {config.points} points is none.", "Give --points 1 or more.")
-    autoencoder = load_autoencoder(config.ae, config.device)
-    with LatentReader(config.latent) as reader:
+    _check(config)
+    if config.network is not None:
+        return decode_onto_rig(config, progress)
+    autoencoder = load_autoencoder(str(config.ae), config.device)
+    with LatentReader(str(config.latent)) as reader:
         reader.check_encoder(autoencoder.digest)
-        rows = [row for row in reader.clips if row.split in config.splits]
-        if not rows:
-            found = ", ".join(sorted({row.split for row in reader.clips})) or "none"
-            raise InputError(
-                f"{config.latent} has no clip in the splits {', '.join(config.splits)}; it has {found}.",
-                "Give --splits.",
-            )
+        rows = chosen_rows(reader.clips, config.splits, config.latent)
         progress.start("decoding", len(rows))
         if config.motion is None:
             return _to_clouds(config, reader, rows, autoencoder, progress)
         return _to_motions(config, reader, rows, autoencoder, progress)
 
 
-def group_counts(points: int) -> np.ndarray:
-    """(P,) int64 body groups of `points` points, in the shares of a human figure, as whole numbers."""
-    edges = np.rint(np.cumsum(GROUP_SHARES) / sum(GROUP_SHARES) * points).astype(np.int64)
-    return np.repeat(np.arange(len(BODY_GROUPS)), np.diff(edges, prepend=0))
+def _check(config: Config) -> None:
+    if config.points < 1:
+        raise UsageError(f"A cloud of {config.points} points is none.", "Give --points 1 or more.")
+    if (config.latent is None) == (config.tpc is None):
+        raise UsageError("Either latents or clouds are decoded.", "Give --latent with --ae, or --tpc.")
+    if (config.latent is None) != (config.ae is None):
+        raise UsageError("Latents are decoded by the autoencoder that made them.", "Give both --latent and --ae.")
+    if config.network is not None and (config.motion is not None or config.method == "solve"):
+        raise UsageError(
+            "A network needs no keyframes, and the method solve no network.",
+            "Leave --network away, or --motion and --method solve.",
+        )
+    if config.network is None and config.method in ("network", "both"):
+        raise UsageError(f"The method {config.method} needs the network of a rig.", "Give --network.")
+    if config.network is None and config.tpc is not None:
+        raise UsageError(
+            "Clouds are put onto the rig of a network.", "Give --network; `pumps train skeleton` makes one."
+        )
 
 
 def _to_clouds(
@@ -74,14 +82,13 @@ def _to_clouds(
 ) -> StageReport:
     groups = group_counts(config.points)
     noise = autoencoder.draw_noise(config.points, config.seed)
-    inputs = [reader.artefact, open_artefact(config.ae, "checkpoint")]
+    inputs = [reader.artefact, open_artefact(str(config.ae), "checkpoint")]
     with (
         write_artefact(config.output, "tpc", stage="decode", config=config, inputs=inputs) as draft,
         TpcWriter(draft.folder) as writer,
     ):
         for row in rows:
-            latents, centroids, times = _latents_of(reader, row)
-            points = autoencoder.decode(latents, centroids, times, torch.from_numpy(groups), noise)
+            points = autoencoder.decode(*latents_of(reader, row), torch.from_numpy(groups), noise)
             writer.add_dense(replace(row, skeleton=""), points.cpu().numpy(), groups.astype(np.int8))
             progress.advance(note=row.clip)
         frames = sum(row.frames for row in rows)
@@ -96,7 +103,7 @@ def _to_motions(
     config: Config, reader: LatentReader, rows: list[ClipRow], autoencoder: Autoencoder, progress: Progress
 ) -> StageReport:
     artefact = open_artefact(str(config.motion), "motion")
-    inputs = [reader.artefact, open_artefact(config.ae, "checkpoint"), artefact]
+    inputs = [reader.artefact, open_artefact(str(config.ae), "checkpoint"), artefact]
     skipped: dict[str, str] = {}
     frames = 0
     with (
@@ -141,7 +148,7 @@ def _add_motion(
         )
     known = np.zeros(motion.frames, bool)
     known[parse_keyframes(config.keyframes, motion.frames)] = True
-    latents, centroids, _ = _latents_of(reader, row)
+    latents, centroids, _ = latents_of(reader, row)
     filled = fill_motion(
         skeleton,
         motion,
@@ -156,10 +163,3 @@ def _add_motion(
     name = writer.add_skeleton(skeleton)
     writer.add_clip(replace(row, skeleton=name), filled.motion)
     return motion.frames
-
-
-def _latents_of(reader: LatentReader, row: ClipRow) -> tuple[Tensor, Tensor, Tensor]:
-    """Latents (T, D), centroids (T, 3) and times (T,) in model frames."""
-    latents, centroids = reader.latents(row.clip)
-    times = torch.arange(row.frames, dtype=torch.float64) * (MODEL_FPS / row.fps)
-    return torch.from_numpy(latents), torch.from_numpy(centroids), times

@@ -1,0 +1,120 @@
+"""The reconstruction network of PC-MRL (3.2, 4.2): a moving cloud in, the motion of one rig out.
+
+A point transformer sees each frame's cloud, a transformer with rotary positions the frames' features in time (the
+variant that PUMPS compares with), and two linear layers give the pelvis' place and every seen bone's global rotation.
+
+What it can know: a cloud around a bone looks the same however the bone is rolled about its own axis, so that the
+roll of an arm or a shin is told only by what hangs on it at an angle (a foot on the shin, hips on the pelvis). Within
+one sequence the points' own turning tells how the roll *changes* (first-frame offsets, PC-MRL 3.3), which
+`stages.kinematics.foq` uses; how it *is* nobody can know from points. `stages.networks.skeleton_losses.roll_loss`
+keeps it near the rig's rest pose.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import roma
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from stages.kinematics.rig import RigBody, pose_heads
+from stages.networks.attention import TimeLayer
+from stages.networks.frame_encoder import FrameEncoder
+from stages.networks.sizes import EncoderSizes, SkeletonSizes
+from stages.pointcloud.heading import headings_of, turned, yaw_quaternions
+from stages.pointcloud.sampling import place_points, points_in_bone
+
+
+class Pose(NamedTuple):
+    """A posed body of B bones.
+
+    heads: (..., T, B, 3) metres. rotations: (..., T, B, 4) global unit quaternions xyzw.
+    raw:   (..., T, S, 4) what the network said of the S seen bones, before normalising.
+    """
+
+    heads: Tensor
+    rotations: Tensor
+    raw: Tensor
+
+
+class SkeletonNetwork(nn.Module):
+    """Clouds (B, T, P, 3) with body groups to the pose of one rig's body.
+
+    The cloud's centroid is taken off in every frame and given back to the pelvis, so that the place of a motion means
+    nothing; with `SkeletonSizes.heading` so does the way it faces.
+    """
+
+    def __init__(self, body: RigBody, encoder: EncoderSizes, sizes: SkeletonSizes):
+        super().__init__()
+        self.body, self.sizes = body, sizes
+        self.seen = torch.nonzero(body.weights > 0).squeeze(1).tolist()
+        self.encoder = FrameEncoder(encoder)
+        self.embed = nn.Linear(self.encoder.latent_width, sizes.width)
+        self.layers = nn.ModuleList(TimeLayer(sizes.width, sizes.heads) for _ in range(sizes.layers))
+        self.norm = nn.LayerNorm(sizes.width)
+        self.hidden = nn.Linear(sizes.width, sizes.width)
+        self.out = nn.Linear(sizes.width, 3 + 4 * len(self.seen))
+        with torch.no_grad():  # it starts from the rig's rest pose
+            self.out.weight.mul_(0.1)
+            self.out.bias[:3] = 0
+            self.out.bias[3:] = body.rest_world[self.seen].flatten()
+
+    def forward(self, points: Tensor, groups: Tensor, times: Tensor, valid: Tensor | None = None) -> Pose:
+        """Args:
+        points: (B, T, P, 3) metres. groups: (B, P) body groups; the order of points means nothing.
+        times: (B or 1, T) model frames. valid: (B, T) True for real frames; None for all.
+        """
+        frames = points.shape[1]
+        yaw = headings_of(points, groups, valid) if self.sizes.heading else torch.zeros_like(points[:, :, 0, 0])
+        seen = turned(points, yaw.unsqueeze(-1))
+        latents, centroids = self.encoder(seen.flatten(0, 1), groups.repeat_interleave(frames, 0))
+        features = self.embed(latents.unflatten(0, (-1, frames)))
+        for layer in self.layers:
+            features = layer(features, times, known=valid)
+        said = self.out(F.relu(self.hidden(self.norm(features)))).float()
+        pelvis = turned(centroids.unflatten(0, (-1, frames)).float() + said[..., :3], -yaw)
+        raw = said[..., 3:].unflatten(-1, (-1, 4))
+        turns = raw / raw.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+        turns = roma.quat_product(yaw_quaternions(-yaw).unsqueeze(2).expand(*turns.shape), turns)
+        return self._pose(pelvis, turns, raw)
+
+    def _pose(self, pelvis: Tensor, turns: Tensor, raw: Tensor) -> Pose:
+        """Bones that no point sees keep their rest in the parent's frame."""
+        body, place = self.body, {bone: index for index, bone in enumerate(self.seen)}
+        rest = body.rest_local.to(turns)
+        out: list[Tensor] = []
+        for bone, parent in enumerate(body.parents.tolist()):
+            if bone in place:
+                out.append(turns[..., place[bone], :])
+            elif parent < 0:
+                out.append(rest[bone].expand(*turns.shape[:-2], 4))
+            else:
+                out.append(roma.quat_product(out[parent], rest[bone].expand(*turns.shape[:-2], 4)))
+        rotations = torch.stack(out, dim=-2)
+        return Pose(pose_heads(body, pelvis, rotations), rotations, raw)
+
+
+class OwnPoints(NamedTuple):
+    """Points drawn on a rig's body: bones (B, P), in_bone (B, P, 3) metres, groups (B, P)."""
+
+    bones: Tensor
+    in_bone: Tensor
+    groups: Tensor
+
+    def on(self, pose: Pose) -> Tensor:
+        """Where they are on a pose, (B, T, P, 3) metres."""
+        return place_points(pose.heads, pose.rotations, self.bones, self.in_bone)
+
+
+def draw_own_points(body: RigBody, sigma: Tensor, points: int, generator: torch.Generator) -> OwnPoints:
+    """Points on the body's bones in proportion to their lengths, one draw for each sigma (B,) metres (eq. 3)."""
+    batch, device = len(sigma), generator.device
+    weights, tails, groups = (part.to(device) for part in (body.weights, body.tails, body.groups))
+    chance = weights.expand(batch, -1)
+    bones = torch.multinomial(chance, points, replacement=True, generator=generator)
+    alphas = torch.rand(batch, points, generator=generator, device=device)
+    offsets = torch.randn(batch, points, 3, generator=generator, device=device)
+    in_bone = points_in_bone(tails.expand(batch, -1, 3), bones, alphas, offsets, sigma.to(device))
+    return OwnPoints(bones, in_bone, groups[bones])

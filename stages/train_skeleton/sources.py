@@ -1,0 +1,74 @@
+"""Windows of motion out of several `tpc` artefacts, of any mix of skeletons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from data_schemas.errors import InputError
+from data_schemas.tpc import TpcReader
+from stages.training.windows import WindowPool, Windows
+
+
+class MixedPool:
+    """Several pools as one; each artefact has an equal share of the windows."""
+
+    def __init__(self, pools: Sequence[WindowPool]):
+        self.pools = list(pools)
+
+    def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
+        """As `WindowPool.draw`."""
+        counts = rng.multinomial(batch, np.full(len(self.pools), 1 / len(self.pools)))
+        drawn = [
+            pool.draw(int(count), window, rng, augment=augment)
+            for pool, count in zip(self.pools, counts, strict=True)
+            if count
+        ]
+        return joined(drawn)
+
+
+def pools_of(readers: Sequence[TpcReader]) -> tuple[MixedPool, MixedPool]:
+    """Windows to train on and to validate on; where no clip is marked for validation, the training clips serve.
+
+    The readers must stay open as long as the pools are used. Raises: InputError where there is nothing to train on.
+    """
+    training = MixedPool([WindowPool(reader, ("train",)) for reader in readers])
+    held_back = [pool for reader in readers if (pool := _held_back(reader)) is not None]
+    return training, MixedPool(held_back) if held_back else training
+
+
+def _held_back(reader: TpcReader) -> WindowPool | None:
+    try:
+        return WindowPool(reader, ("val",), cache_mb=0)
+    except InputError:
+        return None
+
+
+def joined(windows: Sequence[Windows]) -> Windows:
+    """Windows of several batches as one; rows of bones are padded to the most."""
+    if len(windows) == 1:
+        return windows[0]
+    bones = max(each.parents.shape[1] for each in windows)
+
+    def padded(values: Tensor, dim: int, fill: float) -> Tensor:
+        short = bones - values.shape[dim]
+        return F.pad(values, (0, 0) * (values.dim() - 1 - dim) + (0, short), value=fill)
+
+    def whole(name: str, dim: int, fill: float = 0) -> Tensor:
+        return torch.cat([padded(getattr(each, name), dim, fill) for each in windows])
+
+    rotations = whole("rotations", 2)
+    rotations[..., 3] = torch.where(rotations.square().sum(-1) < 0.5, 1.0, rotations[..., 3])  # unused rows: identity
+    return Windows(
+        whole("heads", 2),
+        rotations,
+        torch.cat([each.valid for each in windows]),
+        whole("parents", 1, -1),
+        whole("tails", 1),
+        whole("groups", 1),
+        whole("weights", 1),
+    )
