@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import MetricRow
 from stages.evaluate.config import Config
 from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
+from stages.settings.command_line import command_line
 from stages.statistics.tables import Cell, Key, overview, task_tables
 
 LEGEND = (
@@ -34,7 +34,7 @@ def summary_md(
         f"`{motion.manifest.digest[:16]}`, at 30 frames a second; skeletons: {len({r.skeleton for r in rows})}; "
         f"{_windows_text(config)}; seed {config.seed}; protocol `{config.protocol}` (docs/evaluation.md defines "
         "every figure).\n",
-        f"Made by:\n\n```\n{command_line(config)}\n```\n",
+        f"Made by:\n\n```\n{command_line('pumps evaluate', config)}\n```\n",
         *_method_notes(list(methods), loaded),
     ]
     if borrowed_statistics:
@@ -44,24 +44,6 @@ def summary_md(
         )
     parts += [overview(found), LEGEND + "\n", task_tables(found)]
     return "\n".join(parts)
-
-
-def command_line(config: Config) -> str:
-    """The command that repeats this evaluation; only what differs from the defaults."""
-    return " ".join(["pumps evaluate", *_flags(config)])
-
-
-def _flags(config: Config) -> Iterator[str]:
-    for name, field in Config.model_fields.items():
-        value = getattr(config, name)
-        if value == field.default:
-            continue
-        flag = f"--{name.replace('_', '-')}"
-        if isinstance(value, bool):
-            yield flag if value else f"--no-{flag[2:]}"
-        else:
-            for item in value if isinstance(value, tuple) else (value,):
-                yield f"{flag} {shlex.quote(str(item))}"
 
 
 def _windows_text(config: Config) -> str:

@@ -1,0 +1,88 @@
+"""Clouds as a picture: a row for each, three frames seen from the front, and some points' paths. SVG by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+from torch import Tensor
+
+from data_schemas.skeleton import BODY_GROUPS
+
+COLOURS = ("#404040", "#1f77b4", "#d62728", "#17a2a2", "#ff7f0e")  # in the order of BODY_GROUPS
+_PIXELS_A_METRE = 95.0
+_LABEL, _GAP = 150, 10
+_PATHS = 20  # points whose paths are drawn
+_TURN = np.radians(25)  # seen a little from the side, so that depth shows
+SPINE, LEFT_LEG, RIGHT_LEG = (BODY_GROUPS.index(name) for name in ("spine", "left_leg", "right_leg"))
+
+
+class Panel(NamedTuple):
+    """A cloud to draw, points (T, P, 3) metres, and what it is."""
+
+    label: str
+    points: Tensor
+
+
+def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
+    """The SVG text; all panels share one scale and one view, which the first one sets."""
+    kinds = groups.numpy()
+    first = panels[0].points.double().numpy()
+    view = _front_view(first, kinds)
+    flat = [panel.points.double().numpy() @ view.T for panel in panels]
+    low, high = flat[0].min((0, 1)) - 0.15, flat[0].max((0, 1)) + 0.15
+    width, height = ((high - low) * _PIXELS_A_METRE)[:2]
+    frames = (0, first.shape[0] // 2, first.shape[0] - 1)
+    left = [_LABEL + place * (width + _GAP) for place in range(4)]
+    page = (left[-1] + width + _GAP, 40 + len(panels) * (height + _GAP))
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {page[0]:.0f} {page[1]:.0f}" '
+        f'width="{page[0]:.0f}" height="{page[1]:.0f}" font-family="sans-serif" font-size="12">',
+        '<rect width="100%" height="100%" fill="#ffffff"/>',
+        f'<text x="{_GAP}" y="16">{escape(title)}</text>',
+    ]
+    heads = [f"frame {frame + 1}" for frame in frames] + [f"paths of {min(_PATHS, len(kinds))} points"]
+    parts += [f'<text x="{x:.0f}" y="34" fill="#555555">{head}</text>' for x, head in zip(left, heads, strict=True)]
+    for row, (panel, cloud) in enumerate(zip(panels, flat, strict=True)):
+        top = 40 + row * (height + _GAP)
+        parts.append(f'<text x="{_GAP}" y="{top + height / 2:.0f}">{escape(panel.label)}</text>')
+        pixels = np.stack([cloud[..., 0] - low[0], high[1] - cloud[..., 1]], axis=-1) * _PIXELS_A_METRE
+        for x, frame in zip(left, frames, strict=False):
+            parts += _dots(pixels[frame] + np.array([x, top]), kinds)
+        parts += _paths(pixels + np.array([left[3], top]), kinds)
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _front_view(points: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """(3, 3) rows right, up and towards the eye, of a view of the figure's front; from the body groups alone."""
+    middle = points.mean(0)
+    across = np.array([1.0, 0.0, 0.0])
+    if (kinds == LEFT_LEG).any() and (kinds == RIGHT_LEG).any():
+        found = middle[kinds == LEFT_LEG].mean(0) - middle[kinds == RIGHT_LEG].mean(0)
+        found[1] = 0
+        if np.linalg.norm(found) > 1e-3:
+            across = found / np.linalg.norm(found)
+    up = np.array([0.0, 1.0, 0.0])
+    towards = np.cross(across, up)
+    right = across * np.cos(_TURN) + towards * np.sin(_TURN)
+    return np.stack([right, up, np.cross(right, up)])
+
+
+def _dots(pixels: np.ndarray, kinds: np.ndarray) -> list[str]:
+    """A dot is a path of no length with round ends: far shorter to write than a circle."""
+    parts = []
+    for group, colour in enumerate(COLOURS):
+        places = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in pixels[kinds == group])
+        if places:
+            parts.append(f'<path d="{places}" stroke="{colour}" stroke-width="3.6" stroke-linecap="round"/>')
+    return parts
+
+
+def _paths(pixels: np.ndarray, kinds: np.ndarray) -> list[str]:
+    parts = []
+    for point in range(0, len(kinds), max(1, -(-len(kinds) // _PATHS))):
+        line = " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels[:, point])
+        parts.append(f'<polyline points="{line}" fill="none" stroke="{COLOURS[kinds[point]]}" stroke-width="0.9"/>')
+    return parts
