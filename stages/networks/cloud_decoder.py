@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import torch
 from torch import Tensor, nn
@@ -10,6 +11,8 @@ from torch.nn import functional as F
 
 from stages.kinematics.conventions import GROUPS
 from stages.networks.attention import TimeLayer, sinusoids
+from stages.networks.pieces import in_pieces, rows_per_piece
+from stages.networks.layer_stack import LayerStack
 from stages.networks.row_generator import draw_normal, draw_uniform
 from stages.networks.sizes import DecoderSizes
 
@@ -44,7 +47,7 @@ class CloudDecoder(nn.Module):
         super().__init__()
         self.sizes = sizes
         self.embed = nn.Linear(latent_width + 3, sizes.width)
-        self.layers = nn.ModuleList(
+        self.layers = LayerStack(
             TimeLayer(sizes.width, sizes.heads, rotary=sizes.positions == "rope") for _ in range(sizes.layers)
         )
         self.norm = nn.LayerNorm(sizes.width)
@@ -88,9 +91,7 @@ class CloudDecoder(nn.Module):
         frames = self.embed(torch.cat([latents, centroids - middle], dim=-1))
         if self.sizes.positions == "sinusoidal":
             frames = frames + sinusoids(times, frames.shape[-1])
-        for layer in self.layers:
-            frames = layer(frames, times, known=valid)
-        return self.norm(frames)
+        return self.norm(self.layers(frames, times, known=valid))
 
     def place_points(self, frames: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
         """Points (B, T, P, 3), metres, of frames' features (B, T, W)."""
@@ -138,8 +139,26 @@ class PointHead(nn.Module):
 
     def forward(self, frames: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
         """frames (B, T, W), groups (B, P), noise (B, P, Z) -> (B, T, P, 3) relative to the centroid."""
-        joined = _of_own_group(self.by_frame(frames), groups) + self.by_point(noise).unsqueeze(1)
-        return self.out(F.gelu(self.hidden(F.gelu(joined))))
+        by_group = self.by_frame(frames).unflatten(-1, (GROUPS, -1))  # (B, T, 5, C)
+        by_point = self.by_point(noise)  # (B, P, C)
+        one_hot = F.one_hot(groups.long(), GROUPS).to(by_point.dtype)
+        # C features for every point of every frame are the most that the autoencoder ever makes at once.
+        frames_at_once = rows_per_piece(frames.device, by_point[0].numel())
+        if frames_at_once >= frames.shape[0] * frames.shape[1]:
+            return self._points(by_group, one_hot.unsqueeze(1), by_point.unsqueeze(1))
+        clouds = []
+        for each in range(len(frames)):
+            learnt = [by_point[each], *self.hidden.parameters(), *self.out.parameters()]
+            run = partial(self._points, one_hot=one_hot[each], by_point=by_point[each])
+            clouds.append(in_pieces(run, frames_at_once, [by_group[each]], learnt))
+        return torch.stack(clouds)
+
+    def _points(self, by_group: Tensor, one_hot: Tensor, by_point: Tensor) -> Tensor:
+        """by_group (..., T, 5, C), one_hot (..., P, 5), by_point (..., P, C) -> (..., T, P, 3)."""
+        joined = torch.matmul(one_hot, by_group) + by_point  # a product with 0 and 1 takes each point's own group
+        inner = F.gelu(self.hidden(F.gelu(joined)))
+        with torch.autocast(inner.device.type, enabled=False):  # coordinates have no place in bfloat16
+            return F.linear(inner.to(self.out.weight.dtype), self.out.weight, self.out.bias)
 
 
 class VariationalHead(nn.Module):

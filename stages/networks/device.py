@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import AbstractContextManager, nullcontext
 
 import torch
@@ -10,7 +11,7 @@ from data_schemas.errors import UsageError
 
 
 def choose_device(name: str) -> torch.device:
-    """`auto` takes CUDA, then Apple's MPS, then the CPU.
+    """`auto` takes CUDA, then Apple's MPS, then the CPU; each process that a launcher started takes a GPU of its own.
 
     Raises: UsageError where the device is not there, naming those that are.
     """
@@ -20,9 +21,11 @@ def choose_device(name: str) -> torch.device:
     elif torch.backends.mps.is_available():
         available.insert(0, "mps")
     if name == "auto":
-        return torch.device(available[0])
+        name = available[0]
     if name.split(":")[0] not in available:
         raise UsageError(f"The device {name} is not available here.", f"Use --device {' or '.join(available)}.")
+    if name == "cuda" and "LOCAL_RANK" in os.environ:  # torchrun and accelerate number a host's processes by it
+        return torch.device(name, int(os.environ["LOCAL_RANK"]) % torch.cuda.device_count())
     return torch.device(name)
 
 

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from stages.networks.attention import TimeLayer
+from stages.networks.layer_stack import LayerStack
 from stages.networks.sizes import SynthesiserSizes
 
 _PLACE_FEATURES = 8
@@ -93,11 +94,11 @@ class LatentSynthesiser(nn.Module):
         self.embed_key = nn.Linear(latent_width + 3, width)
         self.embed_missing = nn.Linear(latent_width + 3 + _PLACE_FEATURES, width)
         self.missing_token = nn.Parameter(torch.randn(width) * 0.02)
-        self.key_layers = nn.ModuleList(TimeLayer(width, sizes.heads) for _ in range(sizes.key_layers))
-        self.fill_layers = nn.ModuleList(
+        self.key_layers = LayerStack(TimeLayer(width, sizes.heads) for _ in range(sizes.key_layers))
+        self.fill_layers = LayerStack(
             TimeLayer(width, sizes.heads, asks_memory=True) for _ in range(sizes.fill_layers)
         )
-        self.frame_layers = nn.ModuleList(TimeLayer(width, sizes.heads) for _ in range(sizes.frame_layers))
+        self.frame_layers = LayerStack(TimeLayer(width, sizes.heads) for _ in range(sizes.frame_layers))
         self.norm = nn.LayerNorm(width)
         self.out = nn.Linear(width, latent_width + 3)
         nn.init.zeros_(self.out.weight)
@@ -132,16 +133,13 @@ class LatentSynthesiser(nn.Module):
         origin = centroids.sum(1, keepdim=True) / known.sum(1).view(-1, 1, 1)
 
         keys = self.embed_key(torch.cat([latents, centroids - origin * gate], dim=-1))
-        for layer in self.key_layers:
-            keys = layer(keys, times, known=known)
+        keys = self.key_layers(keys, times, known=known)
         place = place_in_gap(known, times)
         missing = self.embed_missing(torch.cat([base_latents, base_centroids - origin, place], dim=-1))
         missing = missing + self.missing_token
-        for layer in self.fill_layers:
-            missing = layer(missing, times, memory=keys, memory_times=times, known=known)
+        missing = self.fill_layers(missing, times, memory=keys, memory_times=times, known=known)
         frames = torch.where(gate, keys, missing)
-        for layer in self.frame_layers:
-            frames = layer(frames, times, known=valid)
+        frames = self.frame_layers(frames, times, known=valid)
         far = key_distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
         residual = self.out(self.norm(frames)).float() * torch.where(gate, 0, far)
         return base_latents + residual[..., :-3], base_centroids + _FAR_M * far * residual[..., -3:]

@@ -1,0 +1,34 @@
+"""Layers one after the other, whose inner results may be computed again in the backward pass instead of kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.utils.checkpoint import checkpoint
+
+
+class LayerStack(nn.ModuleList):
+    """Layers that each take and give (B, T, width), and share all other arguments.
+
+    checkpointing: keep each layer's input alone for the backward pass (activation checkpointing). The training loop
+        sets it from its config.
+    """
+
+    checkpointing: bool = False
+
+    def forward(self, frames: Tensor, *shared: Any, **named: Any) -> Tensor:
+        """All layers in turn, (B, T, width)."""
+        for layer in self:
+            frames = run_again(self.checkpointing, layer, frames, *shared, **named)
+        return frames
+
+
+def run_again(again: bool, run: Callable[..., Tensor], *given: Any, **named: Any) -> Tensor:
+    """`run(*given, **named)`; with `again` its inner results are not kept but computed a second time in the backward
+    pass. It must draw no random numbers."""
+    if again and torch.is_grad_enabled():
+        return checkpoint(run, *given, use_reentrant=False, preserve_rng_state=False, **named)  # pyright: ignore
+    return run(*given, **named)
