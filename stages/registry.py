@@ -28,6 +28,9 @@ class Stage:
     arguments: fields of its Config that are given by place, not by flag.
     needs:     in a run, the stages whose outputs it reads.
     pipeline:  False for a tool that is no node of a run.
+    form_of:   for a further command of a stage, the stage's name: the two share their settings.
+    fixed:     settings that such a command stands for, which are then no flags.
+    without:   settings that mean nothing to it, which are then no flags.
     """
 
     name: str
@@ -40,6 +43,9 @@ class Stage:
     arguments: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     pipeline: bool = True
+    form_of: str = ""
+    fixed: tuple[tuple[str, str], ...] = ()
+    without: tuple[str, ...] = ()
 
     def config_type(self) -> type[StageConfig]:
         """The stage's Config. Loads no torch."""
@@ -50,12 +56,45 @@ class Stage:
         return import_module(f"{self.package}.run").run
 
 
+def _ingest(name: str, reads: str, summary: str, example: str, *flags: str) -> Stage:
+    """`pumps ingest NAME`: ingest with its format fixed. `flags` are those that only some formats have."""
+    return Stage(
+        f"ingest-{name}", ("ingest", name), "stages.ingest", summary, (reads,), "motion", example,
+        arguments=("sources",), pipeline=False, form_of="ingest", fixed=(("format", name),),
+        without=tuple(flag for flag in ("skeleton", "body_models") if flag not in flags),
+    )  # fmt: skip
+
+
 STAGES: tuple[Stage, ...] = (
     Stage(
-        "ingest", ("ingest", "bvh"), "stages.ingest",
-        "Read recordings (BVH files, folders, globs, zip archives) into one motion artefact.",
-        ("BVH",), "motion", "pumps ingest bvh recordings/ more.zip -o runs/mine/ingest",
+        "ingest", ("ingest", "auto"), "stages.ingest",
+        "Read recordings of any format (files, folders, globs, archives) into one motion artefact.",
+        ("any format",), "motion", "pumps ingest auto recordings/ more.zip -o runs/mine/ingest",
         arguments=("sources",),
+    ),
+    _ingest(
+        "bvh", "BVH", "Read BVH files into one motion artefact.",
+        "pumps ingest bvh recordings/ more.zip -o runs/mine/ingest",
+    ),
+    _ingest(
+        "asf", "ASF/AMC", "Read Acclaim AMC files, each on the ASF that lies beside it.",
+        "pumps ingest asf recordings/cmu.tar.gz -o runs/mine/ingest", "skeleton",
+    ),
+    _ingest(
+        "amass", "npz", "Read AMASS files (SMPL, SMPL-H, SMPL-X).",
+        "pumps ingest amass recordings/ --body-models models -o runs/mine/ingest", "body_models",
+    ),
+    _ingest(
+        "deepmimic", "JSON", "Read DeepMimic clips (humanoid3d).",
+        "pumps ingest deepmimic recordings/ -o runs/mine/ingest",
+    ),
+    _ingest(
+        "positions", "npy, npz, CSV", "Read joint positions by inverse kinematics.",
+        "pumps ingest positions recordings/ --skeleton rig.bvh -o runs/mine/ingest", "skeleton",
+    ),
+    _ingest(
+        "gltf", "glTF, GLB", "Read the animated skins of glTF and GLB files.",
+        "pumps ingest gltf recordings/ -o runs/mine/ingest",
     ),
     Stage(
         "sample-tpc", ("sample-tpc",), "stages.sample_tpc",
@@ -125,6 +164,26 @@ STAGES: tuple[Stage, ...] = (
         needs=("train-ae", "train-lms", "infill", "evaluate"),
     ),
     Stage(
+        "retarget", ("retarget",), "stages.retarget",
+        "Give a motion to another rig, whatever its names and proportions.",
+        ("BVH",), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        "measure-ae", ("measure", "ae"), "stages.measure_ae",
+        "Measure autoencoders on held-out clouds: the rows of PUMPS Table 2.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure ae --tpc runs/mine/sample-tpc --weights mine=runs/mine/train-ae -o runs/mine/measure-ae",
+        pipeline=False,
+    ),
+    Stage(
+        "measure-latents", ("measure", "latents"), "stages.measure_latents",
+        "Measure how much latents move when points, sigma or the skeleton change.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure latents --motion runs/mine/ingest --weights tiny -o runs/mine/measure-latents",
+        pipeline=False,
+    ),
+    Stage(
         "pack-weights", ("pack-weights",), "stages.pack_weights",
         "Make the networks of a run small enough to hand on, with one model card.",
         ("checkpoint",), "checkpoint", "pumps pack-weights runs/mine -o weights/mine",
@@ -159,6 +218,7 @@ STAGES: tuple[Stage, ...] = (
 GROUP_SUMMARIES = {
     "data": "List and fetch public data sets.",
     "ingest": "Read recordings into a motion artefact.",
+    "measure": "Measure one part by itself.",
     "train": "Train a network.",
 }
 
@@ -181,4 +241,4 @@ def downstream_of(names: set[str]) -> set[str]:
 
 
 PIPELINE = tuple(stage for stage in STAGES if stage.pipeline)
-NAMES = tuple(stage.name for stage in STAGES)
+NAMES = tuple(stage.name for stage in STAGES if not stage.form_of)

@@ -11,6 +11,7 @@ from data_schemas.errors import PumpsError
 from stages.formats.bvh import BvhFile
 
 DECIMALS = 6
+_FRAME_TIME_LINE = re.compile(r"(Frame[ \t]+Time[ \t]*:?[ \t]*)\S+", re.IGNORECASE)
 _FRAMES_LINE = re.compile(r"(Frames[ \t]*:?[ \t]*)\d+", re.IGNORECASE)
 
 
@@ -20,6 +21,7 @@ def write_bvh(
     verbatim_rows: Mapping[int, int] | None = None,
     frame_count: int | None = None,
     *,
+    frame_time: float | None = None,
     decimals: int = DECIMALS,
 ) -> bytes:
     """The bytes of a BVH with the header of another one.
@@ -30,6 +32,7 @@ def write_bvh(
         verbatim_rows: frame to write -> row of `bvh` to copy byte for byte.
         frame_count: how many rows to write, T unless given. The Frames line changes only if it says another count
             and the count is not that of `bvh` as it was found (a file whose own count is one off keeps it).
+        frame_time: seconds, for rows of another rate than the file's; None leaves that line as it is.
     Raises: PumpsError where a value is not finite or the shapes do not fit.
     """
     copied = verbatim_rows or {}
@@ -43,6 +46,8 @@ def write_bvh(
     head = bvh.motion_head
     if count != bvh.frames:
         head = _FRAMES_LINE.sub(lambda match: f"{match[1]}{count}", head, count=1)
+    if frame_time is not None:
+        head = _FRAME_TIME_LINE.sub(lambda match: f"{match[1]}{frame_time:.9g}", head, count=1)
     text = format_rows(values[made], decimals)
     rows: list[bytes] = [b""] * count
     for frame, row in zip(made, text, strict=True):

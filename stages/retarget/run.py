@@ -1,0 +1,101 @@
+"""`pumps retarget`: a BVH's motion on another rig, named as it likes, built as it likes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from data_schemas.errors import InputError, UsageError
+from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.whole_file import write_whole
+from stages.config import StageReport
+from stages.formats.bvh import BvhFile, read_bvh
+from stages.formats.bvh_motion import motion_of, values_of
+from stages.formats.bvh_write import write_bvh
+from stages.inference.retarget_clouds import pull_to_places
+from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
+from stages.kinematics.forward import positions_of
+from stages.kinematics.retargeting import Retargeted, retarget
+from stages.networks.device import choose_device
+from stages.progress import SILENT, Progress
+from stages.retarget.config import Config
+
+STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on average, are worth a warning
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Retarget a BVH.
+
+    Raises: UsageError for an output that exists; InputError for files that are no humanoids, and for a rig whose
+    rest pose is none and that has no frame of motion either.
+    """
+    started = time.perf_counter()
+    if config.output.is_dir() or (config.output.exists() and not config.overwrite):
+        raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it, or another name.")
+    progress.start("retargeting", 3)
+    source, motion, notes = motion_of(_read(config.input), fps_override=config.fps_override)
+    rig = _read(config.to)
+    target, poses, rig_notes = motion_of(rig)
+    progress.advance(note="read")
+    turned = retarget(source, motion, target, poses)
+    made = turned.motion
+    if config.method == "solve":
+        device = choose_device(config.device)
+        made = pull_to_places(source, motion, target, turned, points=config.points, seed=config.seed, device=device)
+    progress.advance(note="moved")
+    rows = values_of(rig, target, made)
+    write_whole(config.output, write_bvh(rig, rows, frame_count=made.frames, frame_time=1 / made.fps))
+    progress.advance(note="written")
+    notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in rig_notes)]
+    return _report(config, source, motion, target, made, turned, notes, time.perf_counter() - started)
+
+
+def _read(path: Path) -> BvhFile:
+    try:
+        return read_bvh(path.read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from None
+
+
+def _report(
+    config: Config,
+    source: Skeleton,
+    motion: Motion,
+    target: Skeleton,
+    made: Motion,
+    turned: Retargeted,
+    notes: list[str],
+    seconds: float,
+) -> StageReport:
+    skates = [_skate(source, motion), _skate(target, made)]
+    apart = float(np.degrees(turned.apart_rad))
+    pose = "its rest pose" if turned.target_frame < 0 else f"frame {turned.target_frame} of its file"
+    lines = [f"Note: {note}" for note in notes]
+    if turned.apart_rad > STRANGE_RAD:
+        lines.append(
+            f"Note: no pose of the two rigs is alike (limbs {apart:.0f} degrees apart); give a BVH of the rig with a "
+            "frame that the motion comes close to."
+        )
+    lines += [
+        f"{made.frames} frames on {target.joints} joints in {seconds:.2f} s; the rig's legs are {turned.size:.2f} "
+        "times as long, and so are its paths.",
+        f"Reference: frame {turned.source_frame} of the motion, {pose} of the rig, limbs {apart:.0f} degrees apart.",
+        f"Feet that stand slide at {skates[0]:.3f} m/s in the source and {skates[1]:.3f} m/s in the result.",
+    ]
+    figures = {
+        "frames": made.frames,
+        "seconds": seconds,
+        "size": turned.size,
+        "source_frame": turned.source_frame,
+        "target_frame": turned.target_frame,
+        "apart_degrees": apart,
+        "foot_skate_mps": {"source": skates[0], "result": skates[1]},
+    }
+    return StageReport(output=config.output, lines=lines, figures=figures)
+
+
+def _skate(skeleton: Skeleton, motion: Motion) -> float:
+    feet, positions = find_feet(skeleton), positions_of(skeleton, motion)
+    return foot_skate_mps(positions, detect_contacts(positions, feet, motion.fps), feet, motion.fps)
