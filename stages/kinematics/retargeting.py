@@ -186,8 +186,11 @@ def _most_alike(moving: _Figure, models: _Figure, pieces: dict[int, tuple[Piece,
 
 def _between(some: Rotation, others: Rotation) -> Rotation:
     """(A * B) rotations that take each of B frames of axes to each of A, the second index running fastest."""
-    first, second = np.repeat(np.arange(len(some)), len(others)), np.tile(np.arange(len(others)), len(some))
-    return some[first] * others[second].inv()
+    first, second = (each.as_quat() for each in (some, others))
+    return (
+        Rotation.from_quat(np.repeat(first, len(second), 0))
+        * Rotation.from_quat(np.tile(second, (len(first), 1))).inv()
+    )
 
 
 def _angles(turns: Rotation, some: np.ndarray, others: np.ndarray) -> np.ndarray:
