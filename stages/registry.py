@@ -170,6 +170,13 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        "train-citl", ("train", "citl"), "stages.train_citl",
+        "Train an interpolator in one skeleton's pose space, on that skeleton's motions (PC-MRL).",
+        ("tpc",), "checkpoint",
+        "pumps train citl --preset pcmrl --tpc runs/mine/adapted-tpc -o runs/mine/train-citl",
+        pipeline=False,
+    ),
+    Stage(
         "measure-ae", ("measure", "ae"), "stages.measure_ae",
         "Measure autoencoders on held-out clouds: the rows of PUMPS Table 2.",
         ("tpc", "checkpoint"), "metrics",
@@ -181,6 +188,13 @@ STAGES: tuple[Stage, ...] = (
         "Measure how much latents move when points, sigma or the skeleton change.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure latents --motion runs/mine/ingest --weights tiny -o runs/mine/measure-latents",
+        pipeline=False,
+    ),
+    Stage(
+        "measure-pcmrl", ("measure", "pcmrl"), "stages.measure_pcmrl",
+        "Measure what PC-MRL's tables do: a skeleton's own motions filled, adapted motions beside their sources.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure pcmrl --truth runs/mine/sample-tpc --weights mine=runs/mine/train-citl -o runs/mine/measure",
         pipeline=False,
     ),
     Stage(

@@ -39,6 +39,8 @@ METRICS: dict[str, Metric] = {
     "mpjve_mm": Metric("MPJVE", "mm/frame"),
     "acceleration_mm": Metric("Acceleration error", "mm/frame²"),
     "mpjae_deg": Metric("MPJAE", "degrees"),
+    "knn_cm": Metric("L_KNN", "cm", headline=True),
+    "end_cm": Metric("L_end", "cm", headline=True),
     "key_jump_mm": Metric("Velocity jump at keys", "mm/frame", is_error=False),
 }
 

@@ -11,13 +11,14 @@ import numpy as np
 from data_schemas.metrics import MetricRow
 from stages.statistics.bootstrap import Estimate, mean_interval, ratio_interval
 from stages.statistics.figures import METRICS, POWER_WEIGHTED
-from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
+from stages.statistics.tasks import INTERPOLATION, PREDICTION, RETARGETING, TRANSITION
 
 ALL = "all archives"
 TASK_WORDS = {
     INTERPOLATION: "Interpolation, frames between keys",
     TRANSITION: "Transition, missing frames",
     PREDICTION: "Prediction, last frames",
+    RETARGETING: "Retargeting, spread of the clouds in mm",
 }
 DIGITS = 3
 
