@@ -16,9 +16,14 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.formats import euler
 from stages.kinematics import reference_pose
 from stages.kinematics.body_groups import BodyParts, find_body_parts
+from stages.kinematics.facing import BodyPoses, bone_tips, find_sides, stands_on_four_feet
+from stages.kinematics.joint_names import has_a_tail
 
 _GUIDE_FRAMES = 16
 _TRIM_LOOKAHEAD = 32
+_SIDES_SPACING_S = 0.2
+_SIDES_FRAMES = 300
+_CLEAR_BALANCE = 0.25
 _JUMP_M = 0.25  # between two frames; a joint of a living body stays below
 
 _Place = tuple[float, float, float]
@@ -65,6 +70,7 @@ class Body:
     """What a rig tells of the figure, in the source's unit and axes.
 
     offsets: (J, 3) heads in the parents' frames, joint 0 zeros; rest: (J, 3) joints at zero rotations.
+    told: (J,) bool, False where a tail is only a guess, since neither a child nor an End Site tells it.
     """
 
     names: tuple[str, ...]
@@ -72,6 +78,7 @@ class Body:
     offsets: np.ndarray
     rest: np.ndarray
     tails: np.ndarray
+    told: np.ndarray
     on_chain: np.ndarray
     parts: BodyParts
     unit_m: float
@@ -95,10 +102,12 @@ def body_of(rig: Rig) -> Body:
         unit_m, note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
     leaf = reference_pose.LEAF_LENGTH_M / unit_m
     tails, on_chain = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, leaf)
+    known, _ = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, 0.0)
+    told = np.linalg.norm(known, axis=1) > 0
     rest = np.zeros_like(offsets)
     for joint in range(1, len(parents)):
         rest[joint] = rest[parents[joint]] + offsets[joint]
-    return Body(rig.names, parents, offsets, rest, tails, on_chain, parts, unit_m, note)
+    return Body(rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, note)
 
 
 def ancestors(parents: np.ndarray, joint: int) -> list[int]:
@@ -145,10 +154,15 @@ def motion_of_poses(
     parts = body.parts
     up_axis = up_axis or reference_pose.find_up_axis(body.rest, world, parts)
     turn = reference_pose.turn_to_y_up(up_axis)
+    if (not parts.sided or has_a_tail(body.names)) and stands_on_four_feet(world, body.rest, parts):
+        raise InputError(
+            "The skeleton is no humanoid that can be recognised: it has four legs, its trunk lies across them.",
+            "If it is one, say which joints are its limbs with --skeleton-map.",
+        )
     if not parts.sided:
-        upright = world if turn is None else turn.apply(world.reshape(-1, 3)).reshape(world.shape)
-        parts = parts.mirrored() if reference_pose.sides_are_swapped(upright, parts) else parts
-        notes.append("Joint names tell no sides; left and right were found from the pose.")
+        parts, facing = find_sides(_body_poses(body, poses, rotations, rest_frame), parts)
+        doubt = "" if abs(facing.balance) > _CLEAR_BALANCE else ", which is hardly clear about them"
+        notes.append(f"Joint names tell no sides; left and right were found from the pose{doubt}.")
     if body.unit_note:
         notes.append(f"No unit is certain: {body.unit_note}.")
     skeleton = _skeleton(header, body, parts, up_axis)
@@ -170,6 +184,17 @@ def motion_of_poses(
         notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
         motion = first_frames_dropped(motion, drop)
     return skeleton, motion, notes
+
+
+def _body_poses(body: Body, poses: Poses, rotations: np.ndarray, rest_frame: int | None) -> BodyPoses:
+    """Joints and bone ends in up to a few hundred frames, a fraction of a second apart, to find the sides by."""
+    frames = len(rotations)
+    step = max(1, round(_SIDES_SPACING_S * poses.fps), -(-frames // _SIDES_FRAMES))
+    # The first frame may be a calibration pose.
+    seen = np.arange(min(1, frames - 1), frames, step) if rest_frame is None else np.array([rest_frame])
+    tracks = poses.tracks[seen] if len(poses.moving) else None
+    heads = _world_positions(body.offsets, poses.root[seen], poses.moving, tracks, rotations[seen], body.parents)
+    return BodyPoses(heads, bone_tips(heads, rotations[seen], body.tails, body.told), step / poses.fps)
 
 
 def first_frames_dropped(motion: Motion, count: int) -> Motion:

@@ -1,19 +1,20 @@
 """Which joint belongs to which part of the body, for any humanoid: by names where they speak, else by topology.
 
-Facts used: a humanoid has two legs and two arms, each a branch; the legs' branches are a pair of like length nearer
-to the pelvis than the arms' pair; what is left of the pelvis' subtree is the spine. Joints off the main chains
-(fingers, face, twists, props) belong to their limb but are not seen by point clouds.
+A humanoid has two legs and two arms, each a branch of the tree; what is left of the pelvis' subtree is the spine.
+Joints off the main chains (fingers, face, twists, props) belong to their limb but are not seen by point clouds.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import NO_GROUP
 from stages.kinematics.joint_names import LEFT, RIGHT, NameSense, sense_of
+from stages.kinematics.joint_tree import JointTree
+from stages.kinematics.limb_search import find_four_limbs
 
 SPINE, LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(5)
 _JUNK = ("finger", "face", "end", "helper")
@@ -27,72 +28,26 @@ class BodyParts:
     pelvis:  the topmost joint of the body.
     chains:  per group the main chain of joints, from its first to its last (hand, toes, head).
     sided:   False where left and right are a guess, since no name told them.
+    sure:    0 to 1, how far these limbs stand out against any other choice; 1 where names told them.
     """
 
     groups: np.ndarray
     pelvis: int
     chains: tuple[tuple[int, ...], ...]
     sided: bool
+    sure: float = 1.0
 
     def mirrored(self) -> BodyParts:
         """The same parts with left and right exchanged."""
-        swap = np.array([0, 2, 1, 4, 3, NO_GROUP], np.int8)
-        spine, left_arm, right_arm, left_leg, right_leg = self.chains
-        return BodyParts(swap[self.groups], self.pelvis, (spine, right_arm, left_arm, right_leg, left_leg), True)
+        return self._swapped(np.array([0, 2, 1, 4, 3, NO_GROUP], np.int8))
 
+    def with_arms_exchanged(self) -> BodyParts:
+        """The same parts with only the arms' sides exchanged."""
+        return self._swapped(np.array([0, 2, 1, 3, 4, NO_GROUP], np.int8))
 
-class _Tree:
-    """Reaches and kinship on a joint hierarchy, J joints, parents before children."""
-
-    def __init__(self, parents: np.ndarray, lengths: np.ndarray, ends: np.ndarray, senses: list[NameSense]):
-        self.parents = [int(parent) for parent in parents]
-        self.lengths = lengths
-        self.senses = senses
-        joints = len(self.parents)
-        self.children: list[list[int]] = [[] for _ in range(joints)]
-        for joint, parent in enumerate(self.parents):
-            if parent >= 0:
-                self.children[parent].append(joint)
-        self.junk = [sense.part in _JUNK for sense in senses]
-        self.reach = [float(end) for end in ends]
-        for joint in reversed(range(joints)):
-            # A twist or carpal joint inside a limb is no junk while the limb goes on below it.
-            self.junk[joint] = self.junk[joint] and all(self.junk[child] for child in self.children[joint])
-            for child in self.children[joint]:
-                if not self.junk[child]:
-                    self.reach[joint] = max(self.reach[joint], float(lengths[child]) + self.reach[child])
-
-    def ancestors(self, joint: int) -> list[int]:
-        """The joint itself, its parent, and so on up to joint 0."""
-        line = [joint]
-        while self.parents[line[-1]] >= 0:
-            line.append(self.parents[line[-1]])
-        return line
-
-    def common_ancestor(self, joints: list[int]) -> int:
-        shared = set(self.ancestors(joints[0]))
-        for joint in joints[1:]:
-            shared &= set(self.ancestors(joint))
-        return max(shared)
-
-    def subtree(self, joint: int) -> list[int]:
-        inside = {joint}
-        for other in range(joint + 1, len(self.parents)):
-            if self.parents[other] in inside:
-                inside.add(other)
-        return sorted(inside)
-
-    def main_chain(self, first: int, *, limb: bool) -> list[int]:
-        """From `first` down the child of longest reach; in a limb a fan of three and more (fingers, toes) ends it."""
-        chain = [first]
-        while True:
-            onward = [child for child in self.children[chain[-1]] if not self.junk[child]]
-            if not onward or (limb and len(onward) >= 3):
-                return chain
-            chain.append(max(onward, key=lambda child: (float(self.lengths[child]) + self.reach[child], -child)))
-
-    def branch_length(self, joint: int) -> float:
-        return float(self.lengths[joint]) + self.reach[joint]
+    def _swapped(self, swap: np.ndarray) -> BodyParts:
+        chains = tuple(self.chains[group] for group in swap[:5])
+        return replace(self, groups=swap[self.groups], chains=chains)
 
 
 def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.ndarray, ends: np.ndarray) -> BodyParts:
@@ -106,29 +61,37 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
     """
     senses = [sense_of(name) for name in names]
     lengths = np.linalg.norm(offsets, axis=1)
-    tree = _Tree(parents, lengths, np.asarray(ends, float), senses)
-    limbs = _limbs_by_name(tree)
-    sided = limbs is not None
+    tree = JointTree(parents, lengths, np.asarray(ends, float), [sense.part in _JUNK for sense in senses])
+    limbs = _limbs_by_name(tree, senses)
+    sided, sure = limbs is not None, 1.0
     if limbs is None:
-        limbs = _limbs_by_topology(tree)
-    if limbs is None:
-        raise InputError(
-            "The skeleton is no humanoid that can be recognised: no two legs and two arms were found among its"
-            f" {len(names)} joints.",
-            "Name the limbs (LeftUpLeg, RightArm, ...) or take another rig.",
-        )
-    pelvis = _pelvis_of(tree, limbs)
-    groups = np.full(len(names), NO_GROUP, np.int8)
+        found = find_four_limbs(tree, names)
+        if isinstance(found, str):
+            raise InputError(
+                f"The skeleton is no humanoid that can be recognised, with two legs and two arms: it {found}.",
+                "If it is one, say which joints are its limbs with --skeleton-map, or name them (LeftUpLeg, ...).",
+            )
+        legs, arms, sure = found.legs, found.arms, found.sure
+        limbs = {LEFT_ARM: arms.first, RIGHT_ARM: arms.second, LEFT_LEG: legs.first, RIGHT_LEG: legs.second}
+    pelvis = _pelvis_of(tree, senses, limbs)
+    return parts_from_limbs(tree, senses, pelvis, limbs, sided=sided, sure=sure)
+
+
+def parts_from_limbs(
+    tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int], *, sided: bool, sure: float
+) -> BodyParts:
+    """Groups and chains once it is known where the body and each of its limbs begin."""
+    groups = np.full(len(tree.parents), NO_GROUP, np.int8)
     groups[tree.subtree(pelvis)] = SPINE
     chains: list[tuple[int, ...]] = [()] * 5
     for group, joint in limbs.items():
         groups[tree.subtree(joint)] = group
         chains[group] = tuple(tree.main_chain(joint, limb=True))
-    chains[SPINE] = _spine_chain(tree, pelvis, limbs)
-    return BodyParts(groups, pelvis, tuple(chains), sided)
+    chains[SPINE] = _spine_chain(tree, senses, pelvis, limbs)
+    return BodyParts(groups, pelvis, tuple(chains), sided, sure)
 
 
-def _limbs_by_name(tree: _Tree) -> dict[int, int] | None:
+def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] | None:
     """First joint of each limb, by group, or None where names do not tell all four."""
     limbs: dict[int, int] = {}
     for group, part, side in (
@@ -137,7 +100,7 @@ def _limbs_by_name(tree: _Tree) -> dict[int, int] | None:
         (LEFT_LEG, "leg", LEFT),
         (RIGHT_LEG, "leg", RIGHT),
     ):
-        named = {j for j, sense in enumerate(tree.senses) if sense.part == part and sense.side == side}
+        named = {j for j, sense in enumerate(senses) if sense.part == part and sense.side == side}
         tops = [joint for joint in named if not named & set(tree.ancestors(joint)[1:])]
         if not tops:
             return None
@@ -152,56 +115,41 @@ def _limbs_by_name(tree: _Tree) -> dict[int, int] | None:
     return limbs
 
 
-def _limbs_by_topology(tree: _Tree) -> dict[int, int] | None:
-    """The two longest pairs of sibling branches of like length; the pair nearer to joint 0 are the legs."""
-    pairs: list[tuple[float, int, int]] = []
-    for siblings in tree.children:
-        for i, first in enumerate(siblings):
-            for second in siblings[i + 1 :]:
-                longer, shorter = sorted((tree.branch_length(first), tree.branch_length(second)), reverse=True)
-                alike = len(tree.main_chain(first, limb=True)) == len(tree.main_chain(second, limb=True))
-                if longer > 0 and shorter > 0.93 * longer and alike and tree.reach[first] > 0:
-                    pairs.append((longer, first, second))
-    pairs.sort(reverse=True)
-    for i, (_, a, b) in enumerate(pairs):
-        inside = set(tree.subtree(a)) | set(tree.subtree(b)) | set(tree.ancestors(a)) | set(tree.ancestors(b))
-        for _, c, d in pairs[i + 1 :]:
-            if c in inside or d in inside:
-                continue
-            depth_ab, depth_cd = len(tree.ancestors(a)), len(tree.ancestors(c))
-            legs, arms = ((a, b), (c, d)) if depth_ab <= depth_cd else ((c, d), (a, b))
-            return {LEFT_ARM: arms[0], RIGHT_ARM: arms[1], LEFT_LEG: legs[0], RIGHT_LEG: legs[1]}
-    return None
+def _pelvis_of(tree: JointTree, senses: list[NameSense], limbs: dict[int, int]) -> int:
+    """Where the four limbs meet, or the joint right above that place that is named so.
 
-
-def _pelvis_of(tree: _Tree, limbs: dict[int, int]) -> int:
-    """Where the four limbs meet, or the joint named hips or pelvis that sits right above that place."""
+    Where no name says hip, a short bone that leads to that place is the pelvis' own.
+    """
     pelvis = tree.common_ancestor(list(limbs.values()))
-    leg = tree.reach[limbs[LEFT_LEG]]
     above = tree.parents[pelvis]
-    if (
-        tree.senses[pelvis].part != "hip"
-        and above >= 0
-        and tree.senses[above].part == "hip"
-        and tree.lengths[pelvis] < 0.25 * leg
-    ):
-        return above
-    return pelvis
+    if above < 0 or senses[pelvis].part == "hip" or tree.lengths[pelvis] >= 0.25 * tree.reach[limbs[LEFT_LEG]]:
+        return pelvis
+    if any(sense.part == "hip" for sense in senses):
+        return above if senses[above].part == "hip" else pelvis
+    return above if tree.lengths[pelvis] > 0 and len(tree.children[above]) == 1 else pelvis
 
 
-def _spine_chain(tree: _Tree, pelvis: int, limbs: dict[int, int]) -> tuple[int, ...]:
+def _spine_chain(tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int]) -> tuple[int, ...]:
     """Pelvis, up to where the arms branch off, and on to the head."""
     chest = tree.common_ancestor([limbs[LEFT_ARM], limbs[RIGHT_ARM]])
     path = [joint for joint in reversed(tree.ancestors(chest)) if joint >= pelvis and pelvis in tree.ancestors(joint)]
-    firsts = set(limbs.values())
-    while tree.senses[path[-1]].part != "head":
-        onward = [
-            child
-            for child in tree.children[path[-1]]
-            if not tree.junk[child] and not firsts & set(tree.subtree(child))
-        ]
+    limbed = {joint for first in limbs.values() for joint in tree.ancestors(first)}
+    while senses[path[-1]].part != "head":
+        onward = [child for child in tree.children[path[-1]] if not tree.skipped[child] and child not in limbed]
         if not onward:
             break
-        heads = [c for c in onward if any(tree.senses[j].part in ("head", "neck") for j in tree.subtree(c))]
+        heads = [child for child in onward if _leads_to_a_head(tree, senses, child)]
+        if not heads and path[-1] != chest and len(onward) > 1 and _are_a_pair(tree, onward):
+            break  # eyes: what lies on the midline does not go on to one side
         path.append(max(heads or onward, key=tree.branch_length))
     return tuple(path)
+
+
+def _leads_to_a_head(tree: JointTree, senses: list[NameSense], joint: int) -> bool:
+    return any(senses[below].part in ("head", "neck") for below in tree.subtree(joint))
+
+
+def _are_a_pair(tree: JointTree, joints: list[int]) -> bool:
+    """Whether the two longest of these branches are alike."""
+    longer, shorter = sorted((tree.branch_length(joint) for joint in joints), reverse=True)[:2]
+    return shorter > 0.7 * longer

@@ -1,6 +1,7 @@
-"""What is read off a skeleton before it can be used: bones' tails, the unit, the up axis, left and right.
+"""What is read off a skeleton before it can be used: bones' tails, the unit, the up axis.
 
-The zero pose of a file need not be a human pose, so that up and sides come from the motion where they can.
+The zero pose of a file need not be a human pose, so that up comes from the motion where it can; left and right are
+found in `stages.kinematics.facing`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
-from stages.kinematics.body_groups import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, SPINE, BodyParts
+from stages.kinematics.body_groups import LEFT_LEG, RIGHT_LEG, SPINE, BodyParts
 from stages.kinematics.joint_names import sense_of
 
 LEAF_LENGTH_M = 0.1
@@ -148,22 +149,3 @@ def _standing_axis(rest: np.ndarray, feet: list[int], hips: list[int], head: int
         if trunk[axis] > 0.8 and (legs[:, axis] < -0.7).all():
             return name
     return None
-
-
-def sides_are_swapped(positions: np.ndarray, parts: BodyParts) -> bool:
-    """For a skeleton whose names tell no sides: whether the limb called left is the right one.
-
-    Args:
-        positions: (F, J, 3) joints in some frames, Y up. Feet and knees tell what is forward.
-    """
-    votes = 0.0
-    for group, other in ((LEFT_LEG, RIGHT_LEG), (LEFT_ARM, RIGHT_ARM)):
-        across = positions[:, parts.chains[group][0]] - positions[:, parts.chains[other][0]]
-        up = positions[:, parts.chains[SPINE][-1]] - positions[:, parts.pelvis]
-        forward = np.zeros_like(up)
-        for leg in (parts.chains[LEFT_LEG], parts.chains[RIGHT_LEG]):
-            forward += positions[:, leg[-1]] - positions[:, leg[max(len(leg) - 2, 0)]]
-            if len(leg) >= 3:  # a knee points forward of the line from hip to foot
-                forward += 2 * positions[:, leg[1]] - positions[:, leg[0]] - positions[:, leg[2]]
-        votes += float((np.cross(up, forward) * across).sum())
-    return votes < 0
