@@ -40,6 +40,17 @@ def sinusoids(times: Tensor, width: int) -> Tensor:
     return torch.cat([sines, cosines], dim=-1)
 
 
+class ExactNorm(nn.LayerNorm):
+    """Layer norm in the precision of its parameters, whatever comes in.
+
+    On a CPU, autocast leaves layer norms in bfloat16, where the parameters' gradients are summed in bfloat16 too:
+    over tens of thousands of rows nearly all of the sum is lost. (On a GPU, autocast does what this does.)
+    """
+
+    def forward(self, input: Tensor) -> Tensor:
+        return super().forward(input.to(self.weight.dtype))
+
+
 class TimeAttention(nn.Module):
     """Multi-head attention over time with rotary positions.
 
@@ -94,10 +105,10 @@ class TimeLayer(nn.Module):
 
     def __init__(self, width: int, heads: int, rotary: bool = True, *, asks_memory: bool = False, widening: int = 4):
         super().__init__()
-        self.attention_norm = nn.LayerNorm(width)
-        self.memory_norm = nn.LayerNorm(width) if asks_memory else None
+        self.attention_norm = ExactNorm(width)
+        self.memory_norm = ExactNorm(width) if asks_memory else None
         self.attention = TimeAttention(width, heads, rotary)
-        self.feed_norm = nn.LayerNorm(width)
+        self.feed_norm = ExactNorm(width)
         self.feed = nn.Sequential(nn.Linear(width, widening * width), nn.GELU(), nn.Linear(widening * width, width))
 
     def forward(

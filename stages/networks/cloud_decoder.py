@@ -10,9 +10,9 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from stages.kinematics.conventions import GROUPS
-from stages.networks.attention import TimeLayer, sinusoids
-from stages.networks.pieces import in_pieces, rows_per_piece
+from stages.networks.attention import ExactNorm, TimeLayer, sinusoids
 from stages.networks.layer_stack import LayerStack
+from stages.networks.pieces import in_pieces, rows_per_piece
 from stages.networks.row_generator import draw_normal, draw_uniform
 from stages.networks.sizes import DecoderSizes
 
@@ -50,7 +50,7 @@ class CloudDecoder(nn.Module):
         self.layers = LayerStack(
             TimeLayer(sizes.width, sizes.heads, rotary=sizes.positions == "rope") for _ in range(sizes.layers)
         )
-        self.norm = nn.LayerNorm(sizes.width)
+        self.norm = ExactNorm(sizes.width)
         head = SkinningHead if sizes.head == "skinning" else PointHead
         self.head = VariationalHead(sizes) if sizes.identities == "vae" else head(sizes)
 
@@ -147,10 +147,10 @@ class PointHead(nn.Module):
         if frames_at_once >= frames.shape[0] * frames.shape[1]:
             return self._points(by_group, one_hot.unsqueeze(1), by_point.unsqueeze(1))
         clouds = []
-        for each in range(len(frames)):
-            learnt = [by_point[each], *self.hidden.parameters(), *self.out.parameters()]
-            run = partial(self._points, one_hot=one_hot[each], by_point=by_point[each])
-            clouds.append(in_pieces(run, frames_at_once, [by_group[each]], learnt))
+        for steps, own_groups, identities in zip(by_group, one_hot, by_point, strict=True):
+            learnt = [identities, *self.hidden.parameters(), *self.out.parameters()]
+            run = partial(self._points, one_hot=own_groups, by_point=identities)
+            clouds.append(in_pieces(run, frames_at_once, [steps], learnt))
         return torch.stack(clouds)
 
     def _points(self, by_group: Tensor, one_hot: Tensor, by_point: Tensor) -> Tensor:

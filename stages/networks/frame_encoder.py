@@ -10,8 +10,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from stages.kinematics.conventions import GROUPS
+from stages.networks.attention import ExactNorm
+from stages.networks.pieces import in_pieces, rows_per_piece
 from stages.networks.sizes import EncoderSizes
-from stages.pointcloud.neighbours import farthest_points, nearest_points, take
+from stages.pointcloud.neighbours import Level, pooling_levels, take
 
 
 def within_group(points: Tensor, one_hot: Tensor) -> Tensor:
@@ -33,13 +35,13 @@ class NeighbourAttention(nn.Module):
         y_i = sum_j softmax_j(g(gelu(q_i - k_j + S (p_i - p_j)))) (v_j + V (p_i - p_j)).
 
     The relative places enter by linear maps, so S p and V p are taken once for a point and not for each neighbour;
-    what is left to do for a neighbour is one gather, one difference and one weighted sum.
+    what is left to do for a neighbour is one gather, one sum and one weighted sum.
     """
 
     def __init__(self, width: int, groups: int):
         super().__init__()
         self.groups = groups
-        self.norm = nn.LayerNorm(width)
+        self.norm = ExactNorm(width)
         self.query_key_value = nn.Linear(width, 3 * width)
         self.place = nn.Linear(3, 2 * width, bias=False)
         self.score = nn.Linear(width, groups)
@@ -51,14 +53,31 @@ class NeighbourAttention(nn.Module):
 
         Returns: (N, P, C), with the residual.
         """
-        clouds, points, count = neighbours.shape
-        query, key, value = self.query_key_value(self.norm(features)).chunk(3, dim=-1)
-        score_place, value_place = self.place(places).chunk(2, dim=-1)
-        asked = take(torch.cat([key + score_place, value - value_place], dim=-1), neighbours)  # (N, P, K, 2C)
-        key, value = asked.chunk(2, dim=-1)
-        weight = self.score(F.gelu((query + score_place).unsqueeze(2) - key)).softmax(dim=2)  # over the neighbours
-        mixed = value.view(clouds, points, count, self.groups, -1) * weight.unsqueeze(-1)
-        return features + self.out(mixed.sum(2).flatten(2) + value_place)
+        clouds, points, width = features.shape
+        rows = neighbour_rows(neighbours, points)
+        projected = self.query_key_value(self.norm(features)).view(-1, 3 * width)
+        query, key, value = projected.chunk(3, dim=-1)
+        score_place, value_place = self.place(places).view(-1, 2 * width).chunk(2, dim=-1)
+        # The neighbours come first in (K, N P, C): all that follows is then long runs of memory, sums over k too.
+        minus_key = select_rows(-(key + score_place), rows)
+        weight = self.score(F.gelu((query + score_place) + minus_key)).softmax(dim=0)  # over the neighbours
+        # Each group's weight for all its channels, by a small product: copying them one by one is slower.
+        spread = torch.eye(self.groups, dtype=weight.dtype, device=weight.device)
+        spread = spread.repeat_interleave(width // self.groups, dim=1)
+        mixed = (select_rows(value - value_place, rows) * (weight @ spread)).sum(0)
+        return features + self.out(mixed + value_place).view(clouds, points, width)
+
+
+def neighbour_rows(neighbours: Tensor, points: int) -> Tensor:
+    """Indices (N, Q, K) into N clouds of `points` points -> (K, N Q) into the rows of all clouds."""
+    clouds, asked, count = neighbours.shape
+    start = torch.arange(0, clouds * points, points, device=neighbours.device).view(-1, 1, 1)
+    return (neighbours + start).view(clouds * asked, count).t().contiguous()
+
+
+def select_rows(values: Tensor, rows: Tensor) -> Tensor:
+    """values (R, C) at rows (K, M) -> (K, M, C)."""
+    return values.index_select(0, rows.view(-1)).view(*rows.shape, values.shape[-1])
 
 
 class FrameEncoder(nn.Module):
@@ -76,9 +95,7 @@ class FrameEncoder(nn.Module):
         widths = [sizes.width * 2**block for block in range(sizes.blocks)]
         self.attention = nn.ModuleList(NeighbourAttention(width, sizes.heads) for width in widths)
         self.widen = nn.ModuleList(
-            nn.Sequential(
-                nn.LayerNorm(width), nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, 2 * width)
-            )
+            nn.Sequential(ExactNorm(width), nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, 2 * width))
             for width in widths
         )
 
@@ -89,19 +106,37 @@ class FrameEncoder(nn.Module):
 
         Returns: latents (N, D), zero mean and unit variance each; centroids (N, 3) metres.
         """
-        centroids = points.mean(dim=1)
-        places = points - centroids.unsqueeze(1)
-        one_hot = F.one_hot(groups.long(), GROUPS).to(points.dtype)
-        features = self.embed(torch.cat([places, within_group(places, one_hot), one_hot], dim=-1))
-        for block, (attend, widen) in enumerate(zip(self.attention, self.widen, strict=True)):
-            neighbours = nearest_points(places, places, self.sizes.neighbours)
-            features = widen(attend(features, places, neighbours))
-            if block + 1 == self.sizes.blocks:
-                break
-            # Pooling: a quarter of the points, each with the strongest features among its neighbours.
-            centres = farthest_points(places, -(-places.shape[1] // 4))
-            around = torch.gather(neighbours, 1, centres.unsqueeze(2).expand(-1, -1, neighbours.shape[2]))
-            features = take(features, around).amax(dim=2)
-            places = take(places, centres)
+        # Places are metres, neighbours an ordering: bfloat16 would round both by centimetres.
+        with torch.autocast(points.device.type, enabled=False):
+            centroids = points.mean(dim=1)
+            places = points - centroids.unsqueeze(1)
+            one_hot = F.one_hot(groups.long(), GROUPS).to(points.dtype)
+            inputs = torch.cat([places, within_group(places, one_hot), one_hot], dim=-1)
+            levels = pooling_levels(places, self.sizes.blocks, self.sizes.neighbours)
+        features = self.embed(inputs)
+        for block, level in enumerate(levels):
+            features = self._block(block, features, places, level)
+            if level.centres is not None:
+                places = take(places, level.centres)
         latents = features.amax(dim=1).float()
         return F.layer_norm(latents, latents.shape[-1:]), centroids
+
+    def _block(self, block: int, features: Tensor, places: Tensor, level: Level) -> Tensor:
+        """Attention, widening and, where there is one, pooling: (N, P, C) -> (N, P / 4, 2C), clouds at a time."""
+        attend, widen = self.attention[block], self.widen[block]
+        neighbours = level.neighbours
+
+        def run(features: Tensor, places: Tensor, neighbours: Tensor, around: Tensor | None = None) -> Tensor:
+            wide = widen(attend(features, places, neighbours))
+            if around is None:
+                return wide
+            # A quarter of the points, each with the strongest features among its neighbours.
+            rows = neighbour_rows(around, wide.shape[1])
+            return select_rows(wide.flatten(0, 1), rows).amax(dim=0).view(*around.shape[:2], -1)
+
+        parts = [features, places, neighbours]
+        if level.centres is not None:
+            every = level.centres.unsqueeze(2).expand(-1, -1, neighbours.shape[2])
+            parts.append(torch.gather(neighbours, 1, every))
+        clouds = rows_per_piece(features.device, neighbours[0].numel() * features.shape[-1])
+        return in_pieces(run, clouds, parts, [*attend.parameters(), *widen.parameters()])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from stages.networks.attention import TimeLayer
+from stages.networks.attention import ExactNorm, TimeLayer
 from stages.networks.layer_stack import LayerStack
 from stages.networks.sizes import SynthesiserSizes
 
@@ -99,7 +99,7 @@ class LatentSynthesiser(nn.Module):
             TimeLayer(width, sizes.heads, asks_memory=True) for _ in range(sizes.fill_layers)
         )
         self.frame_layers = LayerStack(TimeLayer(width, sizes.heads) for _ in range(sizes.frame_layers))
-        self.norm = nn.LayerNorm(width)
+        self.norm = ExactNorm(width)
         self.out = nn.Linear(width, latent_width + 3)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)

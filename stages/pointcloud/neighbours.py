@@ -1,16 +1,61 @@
-"""Farthest points and nearest neighbours of clouds, batched over clouds."""
+"""Farthest points and nearest neighbours of clouds, batched over clouds.
+
+`pooling_levels` gives all that the frame encoder asks of places: which points are neighbours and which are kept,
+level by level. It depends on places alone, so it is taken once for a batch, without gradient.
+"""
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
 import torch
 from torch import Tensor
+
+_CLOUDS_AT_ONCE = 8  # whose distances (2 MB at 256 points) stay in a core's cache
+
+
+class Level(NamedTuple):
+    """neighbours (N, P, K) int64 of every point of a level; centres (N, ceil(P / 4)) int64, the points that the next
+    level keeps, None at the last."""
+
+    neighbours: Tensor
+    centres: Tensor | None
+
+
+def pooling_levels(places: Tensor, levels: int, count: int) -> list[Level]:
+    """The `count` nearest neighbours at each level, and the quarter of its farthest points that the next is made of.
+
+    Args:
+        places: (N, P, 3); no gradient flows through the result.
+        levels: how many, at least 1. count: neighbours of a point, itself among them; all where a level has fewer.
+    """
+    places = places.detach()
+    if places.device.type == "cpu" and len(places) > 0:
+        return _pooling_levels_cpu(places, levels, count)
+    found = []
+    for level in range(levels):
+        neighbours = nearest_points(places, places, count)
+        centres = farthest_points(places, quarter(places.shape[1])) if level + 1 < levels else None
+        found.append(Level(neighbours, centres))
+        if centres is not None:
+            places = take(places, centres)
+    return found
+
+
+def quarter(points: int) -> int:
+    """How many points of a level are kept, at least one."""
+    return -(-points // 4)
 
 
 def squared_distances(first: Tensor, second: Tensor) -> Tensor:
     """(N, A, 3), (N, B, 3) -> (N, A, B) squared metres, by the expanded square, clamped at zero."""
-    cross = torch.bmm(first, second.transpose(1, 2))
-    square = first.square().sum(-1).unsqueeze(2) + second.square().sum(-1).unsqueeze(1)
-    return (square - 2 * cross).clamp_min_(0)
+    # One product of (-2 a, |a|^2, 1) and (b, 1, |b|^2), which writes the result once.
+    one, two = first.square().sum(-1, keepdim=True), second.square().sum(-1, keepdim=True)
+    left = torch.cat([-2 * first, one, torch.ones_like(one)], dim=-1)
+    right = torch.cat([second, torch.ones_like(two), two], dim=-1)
+    return torch.bmm(left, right.transpose(1, 2)).clamp_min_(0)
 
 
 def farthest_points(points: Tensor, count: int) -> Tensor:
@@ -60,3 +105,70 @@ def take(values: Tensor, index: Tensor) -> Tensor:
     return (
         values.reshape(clouds * total, width).index_select(0, (index + start).reshape(-1)).view(*index.shape, width)
     )
+
+
+def _pooling_levels_cpu(places: Tensor, levels: int, count: int) -> list[Level]:
+    """`pooling_levels` in NumPy, whose selection and argmax are several times as fast as PyTorch's on a CPU: a few
+    clouds at a time, so that their distances stay in the caches, in as many threads as PyTorch may use."""
+    threads = torch.get_num_threads()
+    neighbours: list[list[np.ndarray]] = [[] for _ in range(levels)]
+    centres: list[list[np.ndarray]] = [[] for _ in range(levels - 1)]
+
+    def of_share(share: tuple[Tensor, Tensor]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        return _levels_of(share[0].numpy(), share[1].numpy(), levels, count)
+
+    with ThreadPoolExecutor(threads) as pool:
+        for some in places.float().split(threads * _CLOUDS_AT_ONCE):
+            shares = zip(
+                some.split(_CLOUDS_AT_ONCE), squared_distances(some, some).split(_CLOUDS_AT_ONCE), strict=True
+            )
+            for found in (pool.map if threads > 1 else map)(of_share, shares):
+                for lists, arrays in zip((neighbours, centres), found, strict=True):
+                    for all_clouds, these in zip(lists, arrays, strict=True):
+                        all_clouds.append(these)
+    kept = [torch.from_numpy(np.concatenate(each)) for each in centres]
+    return [
+        Level(torch.from_numpy(np.concatenate(each)), one)
+        for each, one in zip(neighbours, [*kept, None], strict=True)
+    ]
+
+
+def _levels_of(
+    places: np.ndarray, apart: np.ndarray, levels: int, count: int
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Neighbours and centres of a few clouds (N, P, 3) with squared distances (N, P, P), level by level."""
+    neighbours, centres = [], []
+    rows = np.arange(len(places))[:, None]
+    for level in range(levels):
+        neighbours.append(_nearest_columns(apart, count))
+        if level + 1 < levels:
+            kept = _farthest_rows(places, apart, quarter(places.shape[1]))
+            centres.append(kept)
+            places, apart = places[rows, kept], apart[rows[:, :, None], kept[:, :, None], kept[:, None, :]]
+    return neighbours, centres
+
+
+def _nearest_columns(apart: np.ndarray, count: int) -> np.ndarray:
+    """Columns of the `count` smallest values in every row of (N, P, P), in no order; the first of equal ones."""
+    points = apart.shape[-1]
+    if count >= points:
+        return np.broadcast_to(np.arange(points), apart.shape)
+    # Floats of one sign order as their bits do: with the column below the bits, a selected key tells its column.
+    keys = apart.view(np.int32).astype(np.int64)
+    keys <<= 32
+    keys |= np.arange(points)
+    keys.partition(count - 1, axis=-1)
+    return keys[..., :count] & 0xFFFFFFFF
+
+
+def _farthest_rows(places: np.ndarray, apart: np.ndarray, count: int) -> np.ndarray:
+    """`farthest_points`, given the squared distances."""
+    rows = np.arange(len(places))
+    chosen = np.empty((len(places), count), dtype=np.int64)
+    nearest = np.full(apart.shape[:2], np.inf, dtype=apart.dtype)
+    index = np.square(places - places.mean(axis=1, keepdims=True)).sum(-1).argmax(axis=1)
+    for step in range(count):
+        chosen[:, step] = index
+        np.minimum(nearest, apart[rows, index], out=nearest)
+        index = nearest.argmax(axis=1)
+    return chosen
