@@ -17,19 +17,7 @@ from stages.training.config import TrainingConfig
 from stages.training.loop import learning_rate, train
 
 from .tiny_clouds import write_clouds
-
-TINY = {
-    "steps": 6,
-    "batch": 2,
-    "window": 8,
-    "points": 24,
-    "warmup": 2,
-    "validate_every": 3,
-    "checkpoint_every": 2,
-    "device": "cpu",
-    "encoder": {"width": 8, "blocks": 2, "neighbours": 4, "heads": 2},
-    "decoder": {"width": 16, "layers": 1, "heads": 2, "noise": 4, "point_width": 8, "point_hidden": 8},
-}
+from .tiny_runs import TINY, weights_of
 
 
 class Killed(Exception):
@@ -59,10 +47,6 @@ def clouds(tmp_path_factory):
 
 def config_for(clouds, output, **changes) -> Config:
     return Config(tpc=clouds, output=output, **{**TINY, **changes})
-
-
-def weights_of(path):
-    return read_checkpoint(path).weights
 
 
 def test_a_killed_run_resumes_bit_for_bit(clouds, tmp_path):
