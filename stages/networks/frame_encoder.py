@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from stages.kinematics.conventions import GROUPS
 from stages.networks.attention import ExactNorm
+from stages.networks.layer_stack import run_again
 from stages.networks.pieces import in_pieces, rows_per_piece
 from stages.networks.sizes import EncoderSizes
 from stages.pointcloud.neighbours import Level, pooling_levels, take
@@ -85,7 +86,11 @@ class FrameEncoder(nn.Module):
 
     The latent's width is `width * 2**blocks`; it is layer-normalised without parameters, so that its features have
     one scale and a squared error on it means something.
+
+    checkpointing: keep each block's input alone for the backward pass. The training loop sets it from its config.
     """
+
+    checkpointing: bool = False
 
     def __init__(self, sizes: EncoderSizes):
         super().__init__()
@@ -115,7 +120,7 @@ class FrameEncoder(nn.Module):
             levels = pooling_levels(places, self.sizes.blocks, self.sizes.neighbours)
         features = self.embed(inputs)
         for block, level in enumerate(levels):
-            features = self._block(block, features, places, level)
+            features = run_again(self.checkpointing, self._block, block, features, places, level)
             if level.centres is not None:
                 places = take(places, level.centres)
         latents = features.amax(dim=1).float()
