@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import torch
 from scipy.optimize import linear_sum_assignment
@@ -37,17 +39,26 @@ def assign(costs: Tensor, groups: Tensor) -> Tensor:
 
     Returns: (B, P) int64, for each predicted point the index of its expected point.
     """
-    table = costs.detach().cpu().numpy()
-    group_of = groups.cpu().numpy()
+    # One transfer, and so one wait for the device, whatever the number of clouds and groups.
+    together = torch.cat([costs.detach(), groups.unsqueeze(1).to(costs.dtype)], dim=1).cpu().numpy()
+    table, group_of = together[:, :-1], together[:, -1].astype(np.int64)
     pairs = np.empty(group_of.shape, dtype=np.int64)
-    for cloud in range(len(table)):
+
+    def solve(cloud: int) -> None:
         for group in range(GROUPS):
             members = np.flatnonzero(group_of[cloud] == group)
-            if len(members) == 0:
-                continue
-            rows, columns = linear_sum_assignment(table[cloud][np.ix_(members, members)])
-            pairs[cloud, members[rows]] = members[columns]
-    return torch.from_numpy(pairs).to(costs.device)
+            if len(members):
+                rows, columns = linear_sum_assignment(table[cloud][np.ix_(members, members)])
+                pairs[cloud, members[rows]] = members[columns]
+
+    threads = min(torch.get_num_threads(), len(table))
+    if threads > 1:  # SciPy's solver lets other threads run
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(solve, range(len(table))))
+    else:
+        for cloud in range(len(table)):
+            solve(cloud)
+    return torch.from_numpy(pairs).to(costs.device, non_blocking=True)
 
 
 def paired_difference(predicted: Tensor, expected: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
