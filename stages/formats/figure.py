@@ -14,6 +14,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.formats import euler
+from stages.formats.skeleton_map import SkeletonMap, choose_map, parts_of_map
 from stages.kinematics import reference_pose
 from stages.kinematics.body_groups import BodyParts, find_body_parts
 from stages.kinematics.facing import BodyPoses, bone_tips, find_sides, stands_on_four_feet
@@ -39,6 +40,7 @@ class Rig:
     placed:    J flags, True where the source gives the joint's place in every frame.
     unit_m:    metres in one unit where the format tells it, None to find it from the stature.
     up_axis:   "y" or "z" where the format tells it, None to find it from the pose.
+    maps:      the user's skeleton maps; the one that fits these joints has the last word.
     """
 
     names: tuple[str, ...]
@@ -48,6 +50,7 @@ class Rig:
     placed: tuple[bool, ...]
     unit_m: float | None = None
     up_axis: str | None = None
+    maps: tuple[SkeletonMap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,7 @@ class Body:
 
     offsets: (J, 3) heads in the parents' frames, joint 0 zeros; rest: (J, 3) joints at zero rotations.
     told: (J,) bool, False where a tail is only a guess, since neither a child nor an End Site tells it.
+    mapped: True where the user's skeleton map told the parts.
     """
 
     names: tuple[str, ...]
@@ -83,21 +87,27 @@ class Body:
     parts: BodyParts
     unit_m: float
     unit_note: str | None
+    up_axis: str | None = None
+    mapped: bool = False
 
 
 @lru_cache(maxsize=64)
 def body_of(rig: Rig) -> Body:
-    """The figure that a rig is of. Raises InputError where it is no humanoid or has no size."""
+    """The figure that a rig is of. Raises InputError where it is no humanoid's, or a skeleton map does not fit."""
+    given = choose_map(rig.maps, rig.names)
     parents = np.array(rig.parents, np.int32)
     offsets = np.array(rig.offsets, np.float64)
     end_sites = np.array(rig.end_sites, np.float64)
-    parts = find_body_parts(rig.names, parents, offsets, np.linalg.norm(end_sites, axis=1))
+    if given is not None:
+        parts = parts_of_map(given, rig.names, parents)
+    else:
+        parts = find_body_parts(rig.names, parents, offsets, np.linalg.norm(end_sites, axis=1))
     offsets[0] = 0.0
     # What lies above the pelvis places the figure in the world and is no part of the figure.
     for joint in (parts.pelvis, *ancestors(parents, parts.pelvis)):
         if rig.placed[joint]:
             offsets[joint] = 0.0
-    unit_m, note = rig.unit_m, None
+    unit_m, note = (given and given.unit_m) or rig.unit_m, None
     if unit_m is None:
         unit_m, note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
     leaf = reference_pose.LEAF_LENGTH_M / unit_m
@@ -107,7 +117,10 @@ def body_of(rig: Rig) -> Body:
     rest = np.zeros_like(offsets)
     for joint in range(1, len(parents)):
         rest[joint] = rest[parents[joint]] + offsets[joint]
-    return Body(rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, note)
+    up_axis = (given and given.up_axis) or rig.up_axis
+    return Body(
+        rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, note, up_axis, given is not None
+    )
 
 
 def ancestors(parents: np.ndarray, joint: int) -> list[int]:
@@ -132,7 +145,7 @@ def motion_of_poses(
 
     Args:
         header: kept in the skeleton, for writing the file back.
-        up_axis: the source's, None to find it from the pose.
+        up_axis: the source's where the body does not say it, None to find it from the pose.
         rest_frame: a frame in which the figure stands upright, to find up axis and sides by.
         trim_first: frames to drop at the start, or "auto": those of a calibration pose far from what follows.
     Returns: skeleton, motion (global float32 rotations), notes on what was found odd, one sentence each.
@@ -152,9 +165,10 @@ def motion_of_poses(
     )  # fmt: skip
     world, opening_world = world[len(opening) :], world[: len(opening)] * body.unit_m
     parts = body.parts
-    up_axis = up_axis or reference_pose.find_up_axis(body.rest, world, parts)
+    up_axis = body.up_axis or up_axis or reference_pose.find_up_axis(body.rest, world, parts)
     turn = reference_pose.turn_to_y_up(up_axis)
-    if (not parts.sided or has_a_tail(body.names)) and stands_on_four_feet(world, body.rest, parts):
+    doubtful = not parts.sided or (has_a_tail(body.names) and not body.mapped)
+    if doubtful and stands_on_four_feet(world, body.rest, parts):
         raise InputError(
             "The skeleton is no humanoid that can be recognised: it has four legs, its trunk lies across them.",
             "If it is one, say which joints are its limbs with --skeleton-map.",

@@ -16,16 +16,16 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path, *, what: str = "settings file", option: str = "--config") -> dict[str, Any]:
     """The tables and keys of a TOML file. Raises InputError when it is missing or no TOML."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"The settings file {path} does not exist.", "Check the path given to --config.") from None
+        raise InputError(f"The {what} {path} does not exist.", f"Check the path given to {option}.") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"The settings file {path} cannot be read: {error}.") from None
+        raise InputError(f"The {what} {path} cannot be read: {error}.") from None
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"The settings file {path} is no valid TOML: {error}.") from None
+        raise InputError(f"The {what} {path} is no valid TOML: {error}.") from None
 
 
 def parse_value(text: str) -> Any:
