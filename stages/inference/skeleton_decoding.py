@@ -22,11 +22,11 @@ from stages.kinematics.conventions import GROUPS, MODEL_FPS
 from stages.kinematics.rig import Rig, pose_heads
 from stages.networks.device import choose_device
 from stages.networks.sizes import EncoderSizes, SkeletonSizes
-from stages.networks.skeleton_network import SkeletonNetwork
+from stages.networks.skeleton_network import Seen, SkeletonNetwork
 
 # The network's pose is right to a few centimetres, and the points have no error of their own.
 FROM_NETWORK = SolveOptions(point_noise_m=0.03, turn_prior_rad=0.3, shift_prior_m=0.1)
-_WINDOWS_AT_ONCE = 8  # windows in one call: enough to be fast, few enough to stay in memory
+_WINDOWS_AT_ONCE, _FRAMES_AT_ONCE = 16, 512  # in one call: enough to be fast, few enough to stay in memory
 
 
 @dataclass(frozen=True)
@@ -55,24 +55,32 @@ class RigNetwork:
         Returns: pelvis (T, 3) metres and global rotations (T, B, 4) of the body's bones, on the CPU.
         """
         frames, bones = len(points), len(self.rig.body.joints)
-        groups = groups.to(self.device).long()
-        times = torch.arange(frames, device=self.device).unsqueeze(0) * (MODEL_FPS / fps)
-        pelvis, turns = torch.zeros(frames, 3), torch.zeros(frames, bones, 4)
-        weights = torch.zeros(frames)
-        plan = list(overlapping_windows(frames, self.window))
+        pelvis, turns, weights = torch.zeros(frames, 3), torch.zeros(frames, bones, 4), torch.zeros(frames)
+        times = torch.arange(self.window, device=self.device).unsqueeze(0) * (MODEL_FPS / fps)
         with torch.inference_mode():
+            seen = self._see(points, groups.long())
+            plan = list(overlapping_windows(frames, self.window))
             for first in range(0, len(plan), _WINDOWS_AT_ONCE):
                 some = plan[first : first + _WINDOWS_AT_ONCE]
-                part = torch.stack([points[start:stop] for start, stop, _ in some]).to(self.device, torch.float32)
-                length = part.shape[1]  # all windows of a clip are equally long
-                pose = self.network(part, groups.expand(len(some), -1), times[:, :length])
+                part = Seen(*(torch.stack([each[start:stop] for start, stop, _ in some]) for each in seen))
+                length = part.yaw.shape[1]  # all windows of a clip are equally long
+                pose = self.network.pose(part, times[:, :length])
                 for row, (start, stop, fade) in enumerate(some):
+                    turned = _on_the_side_of(pose.rotations[row].cpu(), turns[start:stop])
                     pelvis[start:stop] += fade[:, None] * pose.heads[row, :, 0].cpu()
-                    turns[start:stop] += fade[:, None, None] * _on_the_side_of(
-                        pose.rotations[row].cpu(), turns[start:stop]
-                    )
+                    turns[start:stop] += fade[:, None, None] * turned
                     weights[start:stop] += fade
         return pelvis / weights[:, None], roma.quat_normalize(turns)
+
+    def _see(self, points: Tensor, groups: Tensor) -> Seen:
+        """Every frame by itself, once: features (T, W), centroids (T, 3), yaw (T,), on the device."""
+        yaw = self.network.headings(points.unsqueeze(0).float(), groups.unsqueeze(0))[0]
+        groups = groups.to(self.device).unsqueeze(0)
+        parts = []
+        for chunk, turn in zip(points.split(_FRAMES_AT_ONCE), yaw.split(_FRAMES_AT_ONCE), strict=True):
+            chunk = chunk.to(self.device, torch.float32).unsqueeze(0)
+            parts.append(self.network.see(chunk, groups, turn.to(self.device).unsqueeze(0)))
+        return Seen(*(torch.cat([part[0] for part in column]) for column in zip(*parts, strict=True)))
 
 
 def _on_the_side_of(rotations: Tensor, guide: Tensor) -> Tensor:

@@ -19,12 +19,16 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from stages.kinematics.conventions import GROUPS
 from stages.kinematics.rig import RigBody, pose_heads
 from stages.networks.attention import TimeLayer
 from stages.networks.frame_encoder import FrameEncoder
 from stages.networks.sizes import EncoderSizes, SkeletonSizes
 from stages.pointcloud.heading import headings_of, turned, yaw_quaternions
 from stages.pointcloud.sampling import place_points, points_in_bone
+
+UPPER = (0, 1, 2, 4, 5, 8)  # of a symmetric 3 x 3 matrix
+MOMENTS = GROUPS * (3 + len(UPPER))
 
 
 class Pose(NamedTuple):
@@ -39,6 +43,15 @@ class Pose(NamedTuple):
     raw: Tensor
 
 
+class Seen(NamedTuple):
+    """What the network makes of each frame by itself: features (B, T, W), centroids (B, T, 3) in the frame's own
+    heading, yaw (B, T) that turned the cloud into it."""
+
+    features: Tensor
+    centroids: Tensor
+    yaw: Tensor
+
+
 class SkeletonNetwork(nn.Module):
     """Clouds (B, T, P, 3) with body groups to the pose of one rig's body.
 
@@ -51,7 +64,7 @@ class SkeletonNetwork(nn.Module):
         self.body, self.sizes = body, sizes
         self.seen = torch.nonzero(body.weights > 0).squeeze(1).tolist()
         self.encoder = FrameEncoder(encoder)
-        self.embed = nn.Linear(self.encoder.latent_width, sizes.width)
+        self.embed = nn.Linear(self.encoder.latent_width + MOMENTS, sizes.width)
         self.layers = nn.ModuleList(TimeLayer(sizes.width, sizes.heads) for _ in range(sizes.layers))
         self.norm = nn.LayerNorm(sizes.width)
         self.hidden = nn.Linear(sizes.width, sizes.width)
@@ -66,15 +79,27 @@ class SkeletonNetwork(nn.Module):
         points: (B, T, P, 3) metres. groups: (B, P) body groups; the order of points means nothing.
         times: (B or 1, T) model frames. valid: (B, T) True for real frames; None for all.
         """
+        return self.pose(self.see(points, groups, self.headings(points, groups, valid)), times, valid)
+
+    def headings(self, points: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
+        """(B, T) yaw that each frame's cloud is turned by before it is seen; zeros without `sizes.heading`."""
+        return headings_of(points, groups, valid) if self.sizes.heading else torch.zeros_like(points[:, :, 0, 0])
+
+    def see(self, points: Tensor, groups: Tensor, yaw: Tensor) -> Seen:
+        """What each frame looks like, from it alone: points (B, T, P, 3), groups (B, P), yaw (B, T)."""
         frames = points.shape[1]
-        yaw = headings_of(points, groups, valid) if self.sizes.heading else torch.zeros_like(points[:, :, 0, 0])
-        seen = turned(points, yaw.unsqueeze(-1))
-        latents, centroids = self.encoder(seen.flatten(0, 1), groups.repeat_interleave(frames, 0))
-        features = self.embed(latents.unflatten(0, (-1, frames)))
+        each, each_groups = turned(points, yaw.unsqueeze(-1)).flatten(0, 1), groups.repeat_interleave(frames, 0)
+        latents, centroids = self.encoder(each, each_groups)
+        features = self.embed(torch.cat([latents, group_moments(each, each_groups)], dim=-1))
+        return Seen(*(part.unflatten(0, (-1, frames)) for part in (features, centroids)), yaw)
+
+    def pose(self, seen: Seen, times: Tensor, valid: Tensor | None = None) -> Pose:
+        """The pose of frames that were seen."""
+        features, centroids, yaw = seen
         for layer in self.layers:
             features = layer(features, times, known=valid)
         said = self.out(F.relu(self.hidden(self.norm(features)))).float()
-        pelvis = turned(centroids.unflatten(0, (-1, frames)).float() + said[..., :3], -yaw)
+        pelvis = turned(centroids.float() + said[..., :3], -yaw)
         raw = said[..., 3:].unflatten(-1, (-1, 4))
         turns = raw / raw.norm(dim=-1, keepdim=True).clamp_min(1e-6)
         turns = roma.quat_product(yaw_quaternions(-yaw).unsqueeze(2).expand(*turns.shape), turns)
@@ -94,6 +119,21 @@ class SkeletonNetwork(nn.Module):
                 out.append(roma.quat_product(out[parent], rest[bone].expand(*turns.shape[:-2], 4)))
         rotations = torch.stack(out, dim=-2)
         return Pose(pose_heads(body, pelvis, rotations), rotations, raw)
+
+
+def group_moments(points: Tensor, groups: Tensor) -> Tensor:
+    """Mean and covariance of every body group around the cloud's centroid, (N, 45) in units of half a metre.
+
+    Args:
+        points: (N, P, 3) metres. groups: (N, P). A group without points counts as at the centroid.
+    """
+    one_hot = F.one_hot(groups.long(), GROUPS).to(points.dtype)
+    share = (one_hot / one_hot.sum(1, keepdim=True).clamp_min(1)).transpose(1, 2)
+    places = (points - points.mean(dim=1, keepdim=True)) * 2
+    means = torch.bmm(share, places)
+    apart = places - torch.bmm(one_hot, means)
+    squares = (apart.unsqueeze(-1) * apart.unsqueeze(-2)).flatten(2)[..., UPPER]
+    return torch.cat([means, 4 * torch.bmm(share, squares)], dim=-1).flatten(1)
 
 
 class OwnPoints(NamedTuple):

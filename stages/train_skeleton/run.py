@@ -31,7 +31,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with ExitStack() as stack:
         readers = [stack.enter_context(TpcReader(path)) for path in config.tpc]
         progress.start("reading windows")
-        pool, held_back = pools_of(readers)
+        pool, held_back = pools_of(readers, config)
         task = SkeletonTask(config, rig, pool, held_back, device)
         trained = train(task, config, progress=progress)
         trained_on = "; ".join(summary_of(each, reader) for each, reader in zip(pool.pools, readers, strict=True))

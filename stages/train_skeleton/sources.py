@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from data_schemas.errors import InputError
 from data_schemas.tpc import TpcReader
+from stages.training.config import TrainingConfig
 from stages.training.windows import WindowPool, Windows
 
 
@@ -31,12 +32,15 @@ class MixedPool:
         return joined(drawn)
 
 
-def pools_of(readers: Sequence[TpcReader]) -> tuple[MixedPool, MixedPool]:
+def pools_of(readers: Sequence[TpcReader], config: TrainingConfig) -> tuple[MixedPool, MixedPool]:
     """Windows to train on and to validate on; where no clip is marked for validation, the training clips serve.
 
     The readers must stay open as long as the pools are used. Raises: InputError where there is nothing to train on.
     """
-    training = MixedPool([WindowPool(reader, ("train",)) for reader in readers])
+    cache_mb = config.cache_mb / len(readers)
+    training = MixedPool(
+        [WindowPool(reader, ("train",), balance=config.balance, cache_mb=cache_mb) for reader in readers]
+    )
     held_back = [pool for reader in readers if (pool := _held_back(reader)) is not None]
     return training, MixedPool(held_back) if held_back else training
 
