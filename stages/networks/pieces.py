@@ -16,14 +16,18 @@ from torch import Tensor
 # Values of the largest intermediate result of a piece: a few MiB, so that what one step of the work writes is still
 # in the cores' caches when the next reads it.
 _CPU_VALUES = 2**19
+# A GPU is fast only on much work at once, so there pieces serve memory alone: with activation checkpointing.
+_GPU_VALUES = 2**26
+_ALL = 2**62
 
 
-def rows_per_piece(device: torch.device, values_per_row: int) -> int:
-    """How many rows to take at once, given how many values a row's largest intermediate result has; all on a GPU,
-    which is fast only on much work at once."""
-    if device.type != "cpu":
-        return 2**31
-    return max(1, _CPU_VALUES * torch.get_num_threads() // max(1, values_per_row))
+def rows_per_piece(device: torch.device, values_per_row: int, *, checkpointing: bool = False) -> int:
+    """How many rows to take at once, given how many values a row's largest intermediate result has."""
+    if device.type == "cpu":
+        values = _CPU_VALUES * torch.get_num_threads()
+    else:
+        values = _GPU_VALUES if checkpointing else _ALL
+    return max(1, values // max(1, values_per_row))
 
 
 def in_pieces(run: Callable[..., Tensor], rows: int, parts: Sequence[Tensor], learnt: Sequence[Tensor]) -> Tensor:
