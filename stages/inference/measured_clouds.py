@@ -11,7 +11,9 @@ import torch
 from torch import Tensor
 
 from data_schemas.errors import InputError
+from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import ClipRow, TpcReader
+from stages.kinematics.forward import positions_of
 from stages.pointcloud.sampling import place_points, points_in_bone
 from stages.statistics.archives import archive_of
 from stages.statistics.windows import Window, chosen_windows
@@ -22,14 +24,13 @@ class MovingBones:
     """A window of motion as the bones that points ride on.
 
     row: the clip it is from. start: its first frame. heads (T, B, 3) metres, the window's mean root at the origin.
-    rotations (T, B, 4) global xyzw. parents (B,), tails (B, 3), groups (B,) and weights (B,) as in `BoneSet`.
+    rotations (T, B, 4) global xyzw. tails (B, 3), groups (B,) and weights (B,) as in `BoneSet`.
     """
 
     row: ClipRow
     start: int
     heads: Tensor
     rotations: Tensor
-    parents: np.ndarray
     tails: Tensor
     groups: np.ndarray
     weights: np.ndarray
@@ -94,10 +95,24 @@ def _read(reader: TpcReader, window: Window) -> MovingBones:
         window.start,
         heads - heads[:, :1].mean(0, keepdim=True),
         rotations,
-        bones.parents,
         torch.from_numpy(bones.tails),
         bones.groups,
         bones.weights,
+    )
+
+
+def bones_of_motion(row: ClipRow, start: int, skeleton: Skeleton, motion: Motion) -> MovingBones:
+    """The same of a motion on its skeleton: every sampled bone in proportion to its length."""
+    heads = torch.from_numpy(positions_of(skeleton, motion))
+    lengths = np.linalg.norm(skeleton.tails, axis=-1) * (skeleton.sampled & (skeleton.groups >= 0))
+    return MovingBones(
+        row,
+        start,
+        heads - heads[:, skeleton.root : skeleton.root + 1].mean(0, keepdim=True),
+        torch.from_numpy(np.asarray(motion.rotations, np.float32)),
+        torch.from_numpy(np.asarray(skeleton.tails, np.float32)),
+        skeleton.groups,
+        lengths,
     )
 
 
