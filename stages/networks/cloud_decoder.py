@@ -128,7 +128,11 @@ class PointHead(nn.Module):
 
     The first layer of a joined vector is a sum of two, W (t + z) = W_t t + W_z z, each taken once for a frame or a
     point; the frame's part has a projection for each body group.
+
+    checkpointing: keep no intermediate results for the backward pass. The training loop sets it from its config.
     """
+
+    checkpointing: bool = False
 
     def __init__(self, sizes: DecoderSizes):
         super().__init__()
@@ -143,14 +147,15 @@ class PointHead(nn.Module):
         by_point = self.by_point(noise)  # (B, P, C)
         one_hot = F.one_hot(groups.long(), GROUPS).to(by_point.dtype)
         # C features for every point of every frame are the most that the autoencoder ever makes at once.
-        frames_at_once = rows_per_piece(frames.device, by_point[0].numel())
-        if frames_at_once >= frames.shape[0] * frames.shape[1]:
+        again = self.checkpointing
+        frames_at_once = rows_per_piece(frames.device, by_point[0].numel(), checkpointing=again)
+        if frames_at_once >= frames.shape[0] * frames.shape[1] and not again:
             return self._points(by_group, one_hot.unsqueeze(1), by_point.unsqueeze(1))
         clouds = []
         for steps, own_groups, identities in zip(by_group, one_hot, by_point, strict=True):
             learnt = [identities, *self.hidden.parameters(), *self.out.parameters()]
             run = partial(self._points, one_hot=own_groups, by_point=identities)
-            clouds.append(in_pieces(run, frames_at_once, [steps], learnt))
+            clouds.append(in_pieces(run, frames_at_once, [steps], learnt, checkpointing=again))
         return torch.stack(clouds)
 
     def _points(self, by_group: Tensor, one_hot: Tensor, by_point: Tensor) -> Tensor:

@@ -11,7 +11,6 @@ from torch.nn import functional as F
 
 from stages.kinematics.conventions import GROUPS
 from stages.networks.attention import ExactNorm
-from stages.networks.layer_stack import run_again
 from stages.networks.pieces import in_pieces, rows_per_piece
 from stages.networks.sizes import EncoderSizes
 from stages.pointcloud.neighbours import Level, pooling_levels, take
@@ -120,7 +119,7 @@ class FrameEncoder(nn.Module):
             levels = pooling_levels(places, self.sizes.blocks, self.sizes.neighbours)
         features = self.embed(inputs)
         for block, level in enumerate(levels):
-            features = run_again(self.checkpointing, self._block, block, features, places, level)
+            features = self._block(block, features, places, level)
             if level.centres is not None:
                 places = take(places, level.centres)
         latents = features.amax(dim=1).float()
@@ -143,5 +142,7 @@ class FrameEncoder(nn.Module):
         if level.centres is not None:
             every = level.centres.unsqueeze(2).expand(-1, -1, neighbours.shape[2])
             parts.append(torch.gather(neighbours, 1, every))
-        clouds = rows_per_piece(features.device, neighbours[0].numel() * features.shape[-1])
-        return in_pieces(run, clouds, parts, [*attend.parameters(), *widen.parameters()])
+        again, values = self.checkpointing, neighbours[0].numel() * features.shape[-1]
+        clouds = rows_per_piece(features.device, values, checkpointing=again)
+        learnt = [*attend.parameters(), *widen.parameters()]
+        return in_pieces(run, clouds, parts, learnt, checkpointing=again)

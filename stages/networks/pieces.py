@@ -23,26 +23,32 @@ _ALL = 2**62
 
 def rows_per_piece(device: torch.device, values_per_row: int, *, checkpointing: bool = False) -> int:
     """How many rows to take at once, given how many values a row's largest intermediate result has."""
-    if device.type == "cpu":
-        values = _CPU_VALUES * torch.get_num_threads()
-    else:
-        values = _GPU_VALUES if checkpointing else _ALL
+    elsewhere = _GPU_VALUES if checkpointing else _ALL
+    values = _CPU_VALUES * torch.get_num_threads() if device.type == "cpu" else elsewhere
     return max(1, values // max(1, values_per_row))
 
 
-def in_pieces(run: Callable[..., Tensor], rows: int, parts: Sequence[Tensor], learnt: Sequence[Tensor]) -> Tensor:
+def in_pieces(
+    run: Callable[..., Tensor],
+    rows: int,
+    parts: Sequence[Tensor],
+    learnt: Sequence[Tensor],
+    *,
+    checkpointing: bool = False,
+) -> Tensor:
     """`run(*parts)`, computed for `rows` rows of all parts at a time.
 
     Args:
         run: parts of n rows -> a tensor of n rows; each row of the result may depend on the same row of the parts
             alone. It must give the same result when called again (no randomness of its own).
-        rows: of a piece. If it covers all rows, `run` is called as it stands and autograd keeps what it likes.
+        rows: of a piece. If one covers all, `run` is called as it stands and autograd keeps what it likes,
+            unless `checkpointing`: then even that piece is computed again.
         parts: tensors with the same first dimension. learnt: every other tensor that `run` reads and that gradients
             should reach (parameters, or results of earlier layers): the very tensors, not views made anew.
 
     Returns: what `run(*parts)` returns; gradients flow to the parts and to `learnt`.
     """
-    if rows >= len(parts[0]):
+    if rows >= len(parts[0]) and not checkpointing:
         return run(*parts)
     return _Pieces.apply(run, rows, len(parts), *parts, *learnt)  # pyright: ignore[reportReturnType]
 
