@@ -23,6 +23,7 @@ from stages.kinematics.conventions import GROUPS
 from stages.kinematics.rig import RigBody, pose_heads
 from stages.networks.attention import TimeLayer
 from stages.networks.frame_encoder import FrameEncoder
+from stages.networks.row_generator import draw_normal, draw_uniform
 from stages.networks.sizes import EncoderSizes, SkeletonSizes
 from stages.pointcloud.heading import headings_of, turned, yaw_quaternions
 from stages.pointcloud.sampling import place_points, points_in_bone
@@ -91,7 +92,7 @@ class SkeletonNetwork(nn.Module):
         each, each_groups = turned(points, yaw.unsqueeze(-1)).flatten(0, 1), groups.repeat_interleave(frames, 0)
         latents, centroids = self.encoder(each, each_groups)
         features = self.embed(torch.cat([latents, group_moments(each, each_groups)], dim=-1))
-        return Seen(*(part.unflatten(0, (-1, frames)) for part in (features, centroids)), yaw)
+        return Seen(features.unflatten(0, (-1, frames)), centroids.unflatten(0, (-1, frames)), yaw)
 
     def pose(self, seen: Seen, times: Tensor, valid: Tensor | None = None) -> Pose:
         """The pose of frames that were seen."""
@@ -151,10 +152,12 @@ class OwnPoints(NamedTuple):
 def draw_own_points(body: RigBody, sigma: Tensor, points: int, generator: torch.Generator) -> OwnPoints:
     """Points on the body's bones in proportion to their lengths, one draw for each sigma (B,) metres (eq. 3)."""
     batch, device = len(sigma), generator.device
-    weights, tails, groups = (part.to(device) for part in (body.weights, body.tails, body.groups))
-    chance = weights.expand(batch, -1)
-    bones = torch.multinomial(chance, points, replacement=True, generator=generator)
-    alphas = torch.rand(batch, points, generator=generator, device=device)
-    offsets = torch.randn(batch, points, 3, generator=generator, device=device)
+    tails, groups = body.tails.to(device), body.groups.to(device)
+    ends = body.weights.double().cumsum(0)
+    last = int(torch.nonzero(body.weights)[-1])  # beyond it lies nothing but rounding
+    chance = draw_uniform((batch, points), generator, device)
+    bones = torch.searchsorted((ends / ends[-1]).float().to(device), chance, right=True).clamp_max(last)
+    alphas = draw_uniform((batch, points), generator, device)
+    offsets = draw_normal((batch, points, 3), generator, device)
     in_bone = points_in_bone(tails.expand(batch, -1, 3), bones, alphas, offsets, sigma.to(device))
     return OwnPoints(bones, in_bone, groups[bones])

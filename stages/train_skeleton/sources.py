@@ -12,6 +12,7 @@ from torch.nn import functional as F
 from data_schemas.errors import InputError
 from data_schemas.tpc import TpcReader
 from stages.training.config import TrainingConfig
+from stages.training.task import RowRandom, rows_of
 from stages.training.windows import WindowPool, Windows
 
 
@@ -22,14 +23,20 @@ class MixedPool:
         self.pools = list(pools)
 
     def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
-        """As `WindowPool.draw`."""
-        counts = rng.multinomial(batch, np.full(len(self.pools), 1 / len(self.pools)))
-        drawn = [
-            pool.draw(int(count), window, rng, augment=augment)
-            for pool, count in zip(self.pools, counts, strict=True)
-            if count
-        ]
-        return joined(drawn)
+        """As `WindowPool.draw`; each window's artefact, too, is drawn from its own generator."""
+        if len(self.pools) == 1:
+            return self.pools[0].draw(batch, window, rng, augment=augment)
+        rows = rows_of(rng, batch)
+        chosen = np.array([int(row.integers(len(self.pools))) for row in rows])
+        drawn, order = [], []
+        for index, pool in enumerate(self.pools):
+            mine = np.flatnonzero(chosen == index)
+            if len(mine):
+                own = RowRandom(np.random.PCG64(0))  # only its rows are drawn from
+                own.rows = [rows[row] for row in mine]
+                drawn.append(pool.draw(len(mine), window, own, augment=augment))
+                order.append(mine)
+        return joined(drawn, np.argsort(np.concatenate(order)))
 
 
 def pools_of(readers: Sequence[TpcReader], config: TrainingConfig) -> tuple[MixedPool, MixedPool]:
@@ -52,10 +59,9 @@ def _held_back(reader: TpcReader) -> WindowPool | None:
         return None
 
 
-def joined(windows: Sequence[Windows]) -> Windows:
-    """Windows of several batches as one; rows of bones are padded to the most."""
-    if len(windows) == 1:
-        return windows[0]
+def joined(windows: Sequence[Windows], order: np.ndarray) -> Windows:
+    """Windows of several batches as one, in another order; rows of bones are padded to the most."""
+    index = torch.from_numpy(order)
     bones = max(each.parents.shape[1] for each in windows)
 
     def padded(values: Tensor, dim: int, fill: float) -> Tensor:
@@ -63,14 +69,14 @@ def joined(windows: Sequence[Windows]) -> Windows:
         return F.pad(values, (0, 0) * (values.dim() - 1 - dim) + (0, short), value=fill)
 
     def whole(name: str, dim: int, fill: float = 0) -> Tensor:
-        return torch.cat([padded(getattr(each, name), dim, fill) for each in windows])
+        return torch.cat([padded(getattr(each, name), dim, fill) for each in windows])[index]
 
     rotations = whole("rotations", 2)
     rotations[..., 3] = torch.where(rotations.square().sum(-1) < 0.5, 1.0, rotations[..., 3])  # unused rows: identity
     return Windows(
         whole("heads", 2),
         rotations,
-        torch.cat([each.valid for each in windows]),
+        torch.cat([each.valid for each in windows])[index],
         whole("parents", 1, -1),
         whole("tails", 1),
         whole("groups", 1),

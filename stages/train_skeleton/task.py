@@ -20,6 +20,7 @@ from stages.networks.skeleton_network import OwnPoints, Pose, SkeletonNetwork, d
 from stages.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
 from stages.train_skeleton.config import Config
 from stages.train_skeleton.sources import MixedPool
+from stages.training.task import RowRandom, rows_of
 from stages.training.windows import CloudMap, Windows, clouds_of, draw_clouds, known_centre
 
 _HELD_BACK = 32  # windows to validate on
@@ -43,6 +44,8 @@ class SourceBatch:
 class SkeletonTask:
     """A `Task` of the training loop."""
 
+    splits = True
+
     def __init__(self, config: Config, rig: Rig, pool: MixedPool, held_back: MixedPool, device: torch.device):
         self.config, self.rig, self.pool, self.device = config, rig, pool, device
         torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
@@ -60,13 +63,15 @@ class SkeletonTask:
         """Points of a source's cloud: what the network sees are the first of them."""
         return max(self.config.points, self.config.loss_points)
 
-    def draw(self, rng: np.random.Generator) -> SourceBatch:
+    def draw(self, rng: RowRandom) -> SourceBatch:
         config = self.config
-        windows = self.pool.draw(config.batch, config.window, rng, augment=config.augment)
+        batch = len(rng.rows)
+        windows = self.pool.draw(batch, config.window, rng, augment=config.augment)
         sigma = (config.sigma_min_m, config.sigma_max_m)
         cloud = draw_clouds(windows, self._drawn(), sigma, rng, augment=config.augment)
         if config.augment:
-            size = np.exp(rng.uniform(np.log(config.size_min), np.log(config.size_max), config.batch))
+            low, high = np.log(config.size_min), np.log(config.size_max)
+            size = np.exp([row.uniform(low, high) for row in rows_of(rng, batch)])
             cloud = resized(cloud, torch.from_numpy(size).float())
         return self._batch(windows, cloud)
 
@@ -110,7 +115,7 @@ class SkeletonTask:
             terms["end"] = end_effector_loss(ends, batch.ends.to(self.device), pairs, valid)
         weights = {name: getattr(config, f"{name}_weight") for name in terms}
         loss = torch.stack([weights[name] * value for name, value in terms.items()]).sum()
-        return loss, {name: float(value.detach()) for name, value in terms.items()}
+        return loss, {name: value.detach() for name, value in terms.items()}
 
     def _cloud_terms(self, batch: SourceBatch, own: OwnPoints, pose: Pose) -> dict[str, Tensor]:
         """Distances of the source's cloud and the rig's: places, shapes of body groups, velocities."""
@@ -118,15 +123,19 @@ class SkeletonTask:
         source, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
         made = own.on(pose)
         near = nearest_trajectories(source, made, groups, own.groups, valid, config.neighbours)
-        terms = {"knn": near.mean()}
+        terms = {"knn": near.means().mean()}
         if config.back_weight:
-            terms["back"] = nearest_trajectories(made, source, own.groups, groups, valid, config.neighbours).mean()
+            terms["back"] = (
+                nearest_trajectories(made, source, own.groups, groups, valid, config.neighbours).means().mean()
+            )
         if config.velocity_weight:
             speed, real = velocities(source, valid)
-            terms["velocity"] = distances_of(speed, velocities(made)[0], near, real).mean()
+            terms["velocity"] = distances_of(speed, velocities(made)[0], near, real).means().mean()
         if config.shape_weight:
             shapes = normalised_by_group(source, groups, valid), normalised_by_group(made, own.groups, valid)
-            terms["shape"] = nearest_trajectories(*shapes, groups, own.groups, valid, config.neighbours).mean()
+            terms["shape"] = (
+                nearest_trajectories(*shapes, groups, own.groups, valid, config.neighbours).means().mean()
+            )
         return terms
 
     def validate(self) -> dict[str, float]:
