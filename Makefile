@@ -86,7 +86,7 @@ dag: $(R)/report/report.html $(R)/decode/manifest.json
 	@:
 
 $(R)/ingest/manifest.json: $(C)/ingest.toml $(C)/sources.txt
-	$(PUMPS) ingest bvh --config $< -o $(@D)
+	$(PUMPS) ingest auto --config $< -o $(@D)
 
 $(R)/sample-tpc/manifest.json: $(C)/sample-tpc.toml $(R)/ingest/manifest.json
 	$(PUMPS) sample-tpc --config $< --motion $(R)/ingest -o $(@D)

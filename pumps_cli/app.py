@@ -20,6 +20,7 @@ _EXAMPLE = "Example: pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh"
 _TOOLS = {
     "artefact": ("pumps_cli.commands.artefact", "Show an artefact, check its digests, draw what it came from."),
     "config": ("pumps_cli.commands.config", "Show presets; write a run's settings, one file a stage."),
+    "formats": ("pumps_cli.commands.formats", "List the formats that are read, with their traps."),
     "results": ("pumps_cli.commands.results", "Print the table of a metrics artefact."),
     "stages": ("pumps_cli.commands.stages", "List the stages in order, with what each reads and writes."),
 }

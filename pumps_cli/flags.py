@@ -5,6 +5,7 @@ Values stay text here: the Config itself says what is right, so that flags, file
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from inspect import Parameter
 from pathlib import Path
@@ -15,16 +16,24 @@ import typer
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from data_schemas.errors import UsageError
+
+_LONGEST_LIST = 256 << 20
 _METAVARS = {int: "INT", float: "NUMBER", Path: "PATH", str: "TEXT"}
 _JOINT = "__"  # between a table and its field in a Python name
 _SHORT: dict[str, tuple[str, ...]] = {"output": ("-o",)}
 
 
-def parameters_of(config_type: type[BaseModel], arguments: tuple[str, ...]) -> list[Parameter]:
-    """A command's parameters: `arguments` by place, every other field as a flag, nested ones as --table.field."""
+def parameters_of(
+    config_type: type[BaseModel], arguments: tuple[str, ...], without: tuple[str, ...] = ()
+) -> list[Parameter]:
+    """A command's parameters: `arguments` by place, every other field as a flag, nested ones as --table.field.
+
+    Fields named in `without` get no flag.
+    """
     ordered = [(name, config_type.model_fields[name]) for name in arguments]
     placed = [_argument(name, field) for name, field in ordered]
-    flagged = [(path, field) for path, field in _fields(config_type) if ".".join(path) not in arguments]
+    flagged = [(path, field) for path, field in _fields(config_type) if ".".join(path) not in (*arguments, *without)]
     flagged.sort(key=lambda item: not item[1].is_required())  # what must be given comes first
     return placed + [_flag(path, field) for path, field in flagged]
 
@@ -41,6 +50,26 @@ def values_given(parameters: Mapping[str, Any]) -> dict[str, Any]:
             inner = inner.setdefault(table, {})
         inner[key] = tuple(value) if isinstance(value, list) else value
     return values
+
+
+def listed_on_standard_input(values: dict[str, Any], arguments: tuple[str, ...]) -> dict[str, Any]:
+    """The same values, where "-" among an argument's several ones is the names on standard input.
+
+    One name a line, or ended by zero bytes (`find -print0`). Raises UsageError where there are none.
+    """
+    read = dict(values)
+    for name in arguments:
+        given = read.get(name)
+        if isinstance(given, tuple) and "-" in given:
+            text = sys.stdin.read(_LONGEST_LIST + 1)
+            listed = [line.strip("\r") for line in text.split("\0" if "\0" in text else "\n")]
+            listed = [line for line in listed if line.strip()]
+            if not listed or len(text) > _LONGEST_LIST:
+                wrong = "is longer than a list of files can be" if listed else "names no files"
+                raise UsageError(f"{name.upper()} is -, and standard input {wrong}.", "Give one name a line.")
+            at = given.index("-")
+            read[name] = tuple(each for each in (*given[:at], *listed, *given[at + 1 :]) if each != "-")
+    return read
 
 
 def _fields(config_type: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], FieldInfo]]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pumps_cli.flags import parameters_of, values_given
+from pumps_cli.flags import listed_on_standard_input, parameters_of, values_given
 from pumps_cli.outcome import Manner, show_report, told
 from pumps_cli.progress import TerminalProgress
 from stages.config import StageConfig
@@ -39,9 +39,10 @@ def add_stage(app: typer.Typer, stage: Stage) -> None:
 
 def settle_config(stage: Stage, presets: list[str], files: list[str], values: dict[str, Any]) -> StageConfig:
     """Defaults, then presets, then files, then flags, the later winning. Raises UsageError, InputError."""
-    layers = [layer for name in presets for layer in preset_layers(name, stage.name)]
-    layers += [file_layer(Path(name), stage.name) for name in files]
-    layers.append(Layer(COMMAND_LINE, values))
+    table = stage.form_of or stage.name
+    layers = [layer for name in presets for layer in preset_layers(name, table)]
+    layers += [file_layer(Path(name), table) for name in files]
+    layers.append(Layer(COMMAND_LINE, {**values, **dict(stage.fixed)}))
     return settle(stage.config_type(), layers, what=command_words(stage), arguments=stage.arguments)
 
 
@@ -63,10 +64,11 @@ def _callback(stage: Stage) -> Callable[..., None]:
         presets, files = given.pop("preset_names") or [], given.pop("config_files") or []
         manner = Manner(quiet=given.pop("quiet"), json=given.pop("as_json"), debug=given.pop("debug"))
         with told(manner, command_words(stage)):
-            execute(stage, settle_config(stage, list(presets), list(files), values_given(given)), manner)
+            values = listed_on_standard_input(values_given(given), stage.arguments)
+            execute(stage, settle_config(stage, list(presets), list(files), values), manner)
 
     parameters = [
-        *parameters_of(stage.config_type(), stage.arguments),
+        *parameters_of(stage.config_type(), stage.arguments, (*dict(stage.fixed), *stage.without)),
         Parameter("preset_names", Parameter.KEYWORD_ONLY, default=None, annotation=_Presets),
         Parameter("config_files", Parameter.KEYWORD_ONLY, default=None, annotation=_Files),
         Parameter("quiet", Parameter.KEYWORD_ONLY, default=False, annotation=Quiet),

@@ -12,14 +12,26 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import BvhFile
+from stages.formats.bvh import BvhFile, read_bvh
 from stages.formats.bvh_header import POSITION_CHANNELS, BvhJoint
 from stages.formats.bvh_rows import layout_of, local_quaternions, values_of
 from stages.formats.figure import Body, Poses, Rig, ancestors, body_of, motion_of_poses, places_of
+from stages.formats.recording import Asked, Recording
+from stages.formats.skeleton_map import SkeletonMap
 
-__all__ = ["motion_of", "places_of", "rate_of", "values_of"]
+__all__ = ["motion_of", "places_of", "rate_of", "read_bvh_motion", "values_of"]
 
 STILL_M = 1e-4  # a position that moves less than this is still: exporters write rounding noise
+
+
+def read_bvh_motion(data: bytes, name: str, asked: Asked) -> list[Recording]:
+    """The one clip of a BVH. Raises InputError naming file, line and joint."""
+    skeleton, motion, notes = motion_of(
+        read_bvh(data, name),
+        fps_override=asked.fps_override, rest_frame=asked.rest_frame, trim_first=asked.trim_first,
+        skeleton_maps=asked.skeleton_maps,
+    )  # fmt: skip
+    return [Recording(skeleton, motion, notes=notes)]
 
 
 def motion_of(
@@ -28,6 +40,7 @@ def motion_of(
     fps_override: float | None = None,
     rest_frame: int | None = None,
     trim_first: str | int = 0,
+    skeleton_maps: tuple[SkeletonMap, ...] = (),
 ) -> tuple[Skeleton, Motion, list[str]]:
     """The skeleton and motion of a BVH, Y up, metres.
 
@@ -35,11 +48,12 @@ def motion_of(
         fps_override: true frames per second where the file's frame time is wrong.
         rest_frame: a frame in which the figure stands upright, to find up axis and sides by.
         trim_first: frames to drop at the start, or "auto": one if frame 0 is a calibration pose far from frame 1.
+        skeleton_maps: the user's word on the rig; the one that fits its joints is taken.
     Returns: skeleton, motion (global float32 rotations), notes on what was found odd, one sentence each.
     Raises: InputError naming the file where no humanoid is found or an argument is out of range.
     """
     try:
-        body = _body_of(bvh.joints, bvh.values)
+        body = _body_of(bvh.joints, bvh.values, skeleton_maps)
         poses = _poses(bvh.joints, body, bvh.values, fps_override or rate_of(bvh.frame_time))
         skeleton, motion, notes = motion_of_poses(
             body, poses, header=bvh.header, rest_frame=rest_frame, trim_first=trim_first
@@ -61,11 +75,11 @@ def rate_of(frame_time: float) -> float:
     return 1.0 / frame_time
 
 
-def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray) -> Body:
+def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray, maps: tuple[SkeletonMap, ...] = ()) -> Body:
     """The figure. Positions given in rows count where they differ from the header's OFFSET."""
     header = tuple(joint.offset for joint in joints)
     try:
-        body = body_of(_rig(joints, header))
+        body = body_of(_rig(joints, header, maps))
         placing = {body.parts.pelvis, *ancestors(body.parents, body.parts.pelvis)}
     except InputError:  # the header alone makes no figure; perhaps the rows do
         body, placing = None, {0}
@@ -82,17 +96,22 @@ def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray) -> Body:
     if body is not None and not differs.any():
         return body
     offsets[at[0][differs], at[1][differs]] = np.round(mean[differs], 6)
-    return body_of(_rig(joints, tuple(map(tuple, offsets.tolist()))))
+    return body_of(_rig(joints, tuple(map(tuple, offsets.tolist())), maps))
 
 
 @lru_cache(maxsize=64)
-def _rig(joints: tuple[BvhJoint, ...], offsets: tuple[tuple[float, float, float], ...]) -> Rig:
+def _rig(
+    joints: tuple[BvhJoint, ...],
+    offsets: tuple[tuple[float, float, float], ...],
+    maps: tuple[SkeletonMap, ...] = (),
+) -> Rig:
     return Rig(
         names=tuple(joint.name for joint in joints),
         parents=tuple(joint.parent for joint in joints),
         offsets=offsets,
         end_sites=tuple(joint.end_site or (0.0, 0.0, 0.0) for joint in joints),
         placed=tuple(any(channel in POSITION_CHANNELS for channel in joint.channels) for joint in joints),
+        maps=maps,
     )
 
 

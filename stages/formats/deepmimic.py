@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -15,14 +16,21 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import BvhFile, read_bvh
-from stages.formats.bvh_motion import motion_of, values_of
+from stages.formats.bvh import BvhFile
+from stages.formats.bvh_header_write import header_text
+from stages.formats.bvh_motion import motion_of, rate_of, values_of
+from stages.formats.bvh_of_motion import template_of
 from stages.formats.bvh_write import write_bvh
+from stages.formats.figure import Poses, Rig
+from stages.formats.recording import Asked, Recording, recording_of
 from stages.kinematics.forward import global_rotations
 from stages.kinematics.plain_interpolation import interpolate_pose
 
 _WIDTH = 44
 _SEAM_SECONDS = 0.4
+_STEP_S = (1e-4, 10.0)
+_RESAMPLED_FPS = 30.0
+_MOST_MADE = 20  # frames put in for one of the file
 _CM = 100.0
 # Name, parent, head in the parent's frame, end site, all metres: the humanoid3d model's own sizes.
 _JOINTS: tuple[tuple[str, int, tuple[float, float, float], tuple[float, float, float] | None], ...] = (
@@ -62,15 +70,20 @@ class DeepMimicClip:
 
 def read_deepmimic(data: bytes, name: str) -> DeepMimicClip:
     """Parse a clip. Raises InputError where it is none."""
+    # A row has 44 numbers: text with more brackets or quotes than rows need is none, and would swell in memory.
+    if data.count(b"[") + data.count(b"{") > len(data) // _WIDTH + 100 or data.count(b'"') > 1000:
+        raise InputError(f"{name} is no DeepMimic clip: it holds other things than rows of numbers.")
     try:
         raw = json.loads(data)
         frames = np.array(raw["Frames"], dtype=np.float64)
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError, RecursionError, OverflowError):
         raise InputError(f"{name} is no DeepMimic clip: no JSON with equal 'Frames'.") from None
     if frames.ndim != 2 or frames.shape[1] != _WIDTH or len(frames) < 2:
         raise InputError(f"{name}: Frames has the shape {frames.shape}, expected 2 or more of {_WIDTH} numbers.")
-    if not np.isfinite(frames).all() or (frames[:-1, 0] <= 0).any():
-        raise InputError(f"{name}: a number is not finite, or a frame lasts no time.")
+    if not np.isfinite(frames).all() or np.abs(frames).max() > 1e6:
+        raise InputError(f"{name}: a number is not finite or far too large.")
+    if (frames[:-1, 0] < _STEP_S[0]).any() or (frames[:-1, 0] > _STEP_S[1]).any():
+        raise InputError(f"{name}: a frame lasts less than {_STEP_S[0]:g} or more than {_STEP_S[1]:g} seconds.")
     local = np.zeros((len(frames), len(_JOINTS), 4))
     for index, (joint, *_) in enumerate(_JOINTS):
         start, width = _COLUMNS[joint]
@@ -84,6 +97,35 @@ def read_deepmimic(data: bytes, name: str) -> DeepMimicClip:
         raise InputError(f"{name}: a quaternion has no length.")
     times = np.concatenate([[0.0], np.cumsum(frames[:-1, 0])])
     return DeepMimicClip(times, frames[:, 1:4], local / norms, raw.get("Loop") == "wrap")
+
+
+def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recording]:
+    """The one clip of a file, at its own rate where its frames are of one length. Raises InputError naming it."""
+    clip = read_deepmimic(data, name)
+    steps = np.diff(clip.times)
+    even = np.abs(steps - steps.mean()) < 1e-3 * steps.mean()
+    notes, local, roots, fps = [], clip.local, clip.roots, rate_of(float(np.round(steps.mean(), 7)))
+    if not even.all():
+        fps = _RESAMPLED_FPS
+        if clip.times[-1] * fps > _MOST_MADE * len(clip.times):
+            raise InputError(
+                f"{name}: its frames last {clip.times[-1]:.1f} s in all, which is too sparse for motion."
+            )
+        notes.append(f"Its frames are of unequal length; put on an even {fps:g} frames a second.")
+        times = torch.arange(int(np.floor(clip.times[-1] * fps + 1e-6)) + 1) / fps
+        local, roots = (part.numpy() for part in _between(clip, times))
+    joints = range(len(_JOINTS))
+    rig = Rig(
+        names=tuple(joint[0] for joint in _JOINTS),
+        parents=tuple(joint[1] for joint in _JOINTS),
+        offsets=tuple(joint[2] for joint in _JOINTS),
+        end_sites=tuple(joint[3] or (0.0, 0.0, 0.0) for joint in _JOINTS),
+        placed=tuple(index == 0 for index in joints),
+        unit_m=1.0,
+        up_axis="y",
+    )
+    poses = Poses(local.astype(np.float64), roots.astype(np.float64), asked.fps_override or fps)
+    return [recording_of(name, rig, poses, asked, notes=notes)]
 
 
 def unrolled(clip: DeepMimicClip, least_seconds: float) -> DeepMimicClip:
@@ -137,15 +179,21 @@ def motion_of_deepmimic(clip: DeepMimicClip, fps: float = 30.0) -> tuple[Skeleto
     """The clip at an even rate, on the humanoid3d skeleton, by the C1 curve through its frames."""
     times = torch.arange(int(np.floor(clip.times[-1] * fps + 1e-6)) + 1) / fps
     skeleton, _, _ = motion_of(_template())
+    local, roots = _between(clip, times)
+    return skeleton, Motion(global_rotations(local, skeleton.parents).numpy(), roots.numpy(), fps)
+
+
+def _between(clip: DeepMimicClip, times: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Local rotations and roots at other times, by the C1 curve through the frames."""
     local, roots, _ = interpolate_pose(
         torch.from_numpy(clip.local).float(),
         torch.from_numpy(clip.roots).float(),
-        torch.from_numpy(skeleton.offsets).float(),
+        torch.tensor([joint[2] for joint in _JOINTS]),
         torch.from_numpy(clip.times),
         times.double(),
         smooth=1.0,
     )
-    return skeleton, Motion(global_rotations(local, skeleton.parents).numpy(), roots.numpy(), fps)
+    return local, roots
 
 
 def bvh_of_deepmimic(clip: DeepMimicClip, fps: float = 30.0) -> bytes:
@@ -155,29 +203,15 @@ def bvh_of_deepmimic(clip: DeepMimicClip, fps: float = 30.0) -> bytes:
     return write_bvh(template, values_of(template, skeleton, motion), decimals=4)
 
 
+@lru_cache(maxsize=4)
 def _template(fps: float = 30.0) -> BvhFile:
-    """A BVH of the humanoid3d skeleton with one frame of zeros."""
-    lines = ["HIERARCHY"]
-    _write_joint(lines, 0, "")
-    zeros = " ".join(["0"] * (3 + 3 * len(_JOINTS)))
-    lines += ["MOTION", "Frames: 1", f"Frame Time: {1 / fps:.7f}", zeros]
-    return read_bvh("\n".join(lines).encode(), "humanoid3d")
-
-
-def _write_joint(lines: list[str], index: int, indent: str) -> None:
-    name, parent, offset, end = _JOINTS[index]
-    turns = "Zrotation Xrotation Yrotation"
-    lines += [f"{indent}{'ROOT' if parent < 0 else 'JOINT'} {name}", f"{indent}{{"]
-    lines.append(f"{indent}  OFFSET {_place(offset)}")
-    positions = "CHANNELS 6 Xposition Yposition Zposition" if parent < 0 else "CHANNELS 3"
-    lines.append(f"{indent}  {positions} {turns}")
-    for child, joint in enumerate(_JOINTS):
-        if joint[1] == index:
-            _write_joint(lines, child, indent + "  ")
-    if end is not None:
-        lines += [f"{indent}  End Site", f"{indent}  {{", f"{indent}    OFFSET {_place(end)}", f"{indent}  }}"]
-    lines.append(f"{indent}}}")
-
-
-def _place(offset: tuple[float, float, float]) -> str:
-    return " ".join(f"{value * _CM:.4f}" for value in offset)
+    """A BVH of the humanoid3d skeleton in centimetres, with one frame of zeros."""
+    header = header_text(
+        [name for name, *_ in _JOINTS],
+        [parent for _, parent, *_ in _JOINTS],
+        [[value * _CM for value in offset] for _, _, offset, _ in _JOINTS],
+        [[value * _CM for value in end or (0.0, 0.0, 0.0)] for *_, end in _JOINTS],
+        [parent < 0 for _, parent, *_ in _JOINTS],
+        decimals=4,
+    )
+    return template_of(header, fps, "humanoid3d")

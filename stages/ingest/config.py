@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -12,8 +13,13 @@ from stages.config import StageConfig
 class Config(StageConfig):
     """Read recordings into one `motion` artefact."""
 
-    sources: tuple[str, ...] = Field(description="Files, folders, globs or zip archives of BVH.")
+    sources: tuple[str, ...] = Field(
+        description="Files, folders, globs, zip or tar archives; - for a list of them on standard input."
+    )
     output: Path = Field(description="Folder of the motion artefact.")
+    format: Literal["auto", "bvh", "asf", "amass", "deepmimic", "positions", "gltf"] = Field(
+        "auto", description="How to read the files; auto looks into each."
+    )
     splits: Path | None = Field(
         None, description="JSON of splits: {archive: {test: [...], val: [...]}}; the rest is train."
     )
@@ -23,6 +29,10 @@ class Config(StageConfig):
     trim_first: str = Field(
         "auto", description="Frames to drop at the start: a number, or auto (a calibration pose)."
     )
+    skeleton: str | None = Field(
+        None, description="Skeleton of files that hold none: an ASF for AMC, a BVH or a list's name for positions."
+    )
+    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
     licence: str | None = Field(None, description="Licence of the sources, where they do not say it themselves.")
     rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")
     strict: bool = Field(False, description="Stop at the first bad file instead of reporting and skipping it.")

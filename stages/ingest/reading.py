@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from multiprocessing.context import BaseContext
 
 from data_schemas.errors import InputError, PumpsError
-from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
+from stages.formats.readers import AUTO, format_named, read_recordings, recognise
+from stages.formats.recording import Asked, Recording
 from stages.formats.sources import Source
 
 LEAST_FRAMES = 2
@@ -24,41 +23,55 @@ _POOL_FROM_BYTES = 24 << 20  # below this, starting processes costs more than it
 
 @dataclass(frozen=True)
 class Job:
-    """One recording to read, with what the user said of it."""
+    """One source to read, with what the user said of it. `format` is a format's name, or "auto"."""
 
     source: Source
-    fps_override: float | None
-    trim_first: str
-    rest_frame: int | None
+    format: str
+    asked: Asked
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a recording: `status` is "kept", "repaired" or "skipped"; `notes` say why, a sentence each."""
+    """What became of a source: `status` is one of `data_schemas.source_table.OUTCOMES`.
+
+    format: how it was read, "" where it was not recognised. notes: why, a sentence each. hint: the mend.
+    """
 
     source: Source
     status: str
+    format: str = ""
     notes: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     sha256: str = ""
-    skeleton: Skeleton | None = None
-    motion: Motion | None = None
+    recordings: list[Recording] = field(default_factory=list)
     hint: str | None = None
 
 
 def read_one(job: Job) -> Outcome:
-    """Read a recording; a bad one is an outcome and not an error."""
+    """Read a source; a bad one is an outcome and not an error."""
+    source = job.source
+    chosen = None
     try:
-        data = job.source.read()
-        bvh = read_bvh(data, job.source.name)
-        if bvh.frames < LEAST_FRAMES:
-            raise InputError(f"{job.source.name} has {bvh.frames} frame, and a motion needs at least {LEAST_FRAMES}.")
-        skeleton, motion, notes = motion_of(
-            bvh, fps_override=job.fps_override, rest_frame=job.rest_frame, trim_first=job.trim_first
-        )
+        data = source.read()
+        chosen = recognise(data, source.name) if job.format == AUTO else format_named(job.format)
+        if chosen is None:
+            if source.named:
+                raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+            return Outcome(source, "ignored", notes=["It holds no motion."])
+        found = read_recordings(data, source, chosen, job.asked)
+        recordings = [recording for recording in found if recording.motion.frames >= LEAST_FRAMES]
+        if not recordings:
+            count = max((recording.motion.frames for recording in found), default=0)
+            raise InputError(f"{source.name} has {count} frame, and a motion needs at least {LEAST_FRAMES}.")
     except InputError as error:
-        return Outcome(job.source, "skipped", [error.message], hint=error.hint)
-    status = "repaired" if notes else "kept"
-    return Outcome(job.source, status, notes, hashlib.sha256(data).hexdigest(), skeleton, motion)
+        name = chosen.name if chosen else ""
+        return Outcome(source, "skipped", name, [error.message], hint=error.hint)
+    notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
+    remarks = list(dict.fromkeys(remark for recording in recordings for remark in recording.remarks))
+    if len(recordings) < len(found):
+        notes.append(f"{len(found) - len(recordings)} clips of one frame were left out.")
+    sha256 = hashlib.sha256(data).hexdigest()
+    return Outcome(source, "repaired" if notes else "kept", chosen.name, notes, remarks, sha256, recordings)
 
 
 def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:

@@ -6,14 +6,20 @@ import glob
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 
 from data_schemas.artefact import write_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import ClipRow, MotionWriter
+from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.config import StageReport
-from stages.formats.sources import Source, find_sources
+from stages.formats.archives import archive_suffix
+from stages.formats.joint_lists import LISTS
+from stages.formats.readers import suffixes_of
+from stages.formats.recording import Asked, Recording
+from stages.formats.sources import Source, find_sources, source_named
 from stages.ingest.config import Config
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
@@ -26,19 +32,20 @@ _LINES_SHOWN = 40
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Read every recording of `config.sources` and write the artefact `config.output`.
 
-    A bad file is reported and skipped, unless `config.strict`.
+    A bad file is reported and skipped, unless `config.strict`; what became of each stands in `sources.parquet`.
     Raises: UsageError for options that cannot be; InputError where nothing could be kept, or for the first bad file
         if strict.
     """
-    sources = find_sources(config.sources)
     overrides = _parse_overrides(config.fps_override)
-    trim_first = _parse_trim(config.trim_first)
+    asked = _asked(config)
+    sources = find_sources(config.sources, suffixes_of(config.format))
     assigned = assign_splits(sources, config.splits)
-    notes = assigned.notes
-    jobs = [Job(source, _override_of(source, overrides), trim_first, config.rest_frame) for source in sources]
-    outcomes: list[tuple[str, str, str, str]] = []  # source, status, clip, notes
+    jobs = [
+        Job(source, config.format, replace(asked, fps_override=_override_of(source, overrides))) for source in sources
+    ]
     clips = _ClipNames()
     rows: list[ClipRow] = []
+    table: list[SourceRow] = []
     progress.start("Reading recordings", total=sum(source.size for source in sources) / 1e6)
     with (
         write_artefact(config.output, "motion", stage="ingest", config=config, inputs=_inputs(config)) as draft,
@@ -46,56 +53,86 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     ):
         for job, outcome in zip(jobs, read_all(jobs, config.workers), strict=True):
             progress.advance(outcome.source.size / 1e6, PurePosixPath(outcome.source.member).name)
-            clip = ""
-            if outcome.motion is None:
-                if config.strict:
-                    raise InputError(outcome.notes[0], outcome.hint)
-            else:
-                clip = clips.name(outcome.source)
-                rows.append(_store(writer, outcome, job, clip, assigned, config.licence))
-            outcomes.append((outcome.source.name, outcome.status, clip, " ".join(outcome.notes)))
+            if outcome.status == "skipped" and config.strict:
+                raise InputError(outcome.notes[0], outcome.hint)
+            made = _store(writer, outcome, job, clips, assigned, config.licence)
+            rows += made
+            table.append(_source_row(outcome, made))
         if not rows:
-            first = outcomes[0][3]
-            raise InputError(f"None of the {len(outcomes)} recordings could be used. The first: {first}")
+            bad = next((row.reason for row in table if row.outcome == "skipped"), table[0].reason)
+            raise InputError(f"None of the {len(table)} recordings could be used. The first: {bad}")
+        write_sources(draft.folder, table)
         draft.licences |= {row.licence for row in rows}
-        draft.summary |= _summary(outcomes, rows, notes)
-    return _report(config, outcomes, rows, notes)
+        draft.summary |= _summary(table, rows, assigned.notes)
+    return _report(config, table, rows, assigned.notes)
+
+
+def _asked(config: Config) -> Asked:
+    """What holds for all sources."""
+    rig, rig_name = b"", ""
+    if config.skeleton is not None and config.skeleton in LISTS:
+        rig_name = config.skeleton
+    elif config.skeleton is not None:
+        source = source_named(config.skeleton)
+        rig, rig_name = source.read(), source.name
+    if config.body_models is not None and not config.body_models.is_dir():
+        raise UsageError(
+            f"--body-models {config.body_models} is no folder.", "It holds smplh/male/model.npz and so on."
+        )
+    return Asked(None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models)
 
 
 def _store(
     writer: MotionWriter,
     outcome: Outcome,
     job: Job,
-    clip: str,
+    clips: _ClipNames,
     assigned: Assigned,
     licence: str | None,
-) -> ClipRow:
-    assert outcome.motion is not None and outcome.skeleton is not None
-    motion = outcome.motion
+) -> list[ClipRow]:
+    """Write the clips of one source; their rows."""
     data_set = outcome.source.data_set
-    row = ClipRow(
-        clip=clip,
+    rows = []
+    for recording in outcome.recordings:
+        motion = recording.motion
+        row = ClipRow(
+            clip=clips.name(outcome.source, recording.part),
+            source=outcome.source.name,
+            sha256=outcome.sha256,
+            skeleton=writer.add_skeleton(recording.skeleton),
+            frames=motion.frames,
+            fps=motion.fps,
+            seconds=motion.frames / motion.fps,
+            split=assigned.splits[outcome.source.name],
+            licence=licence_of(data_set, licence or assigned.licences.get(data_set)),
+            flags=_flags(recording, job),
+        )
+        writer.add_clip(row, motion)
+        rows.append(row)
+    return rows
+
+
+def _source_row(outcome: Outcome, made: Sequence[ClipRow]) -> SourceRow:
+    return SourceRow(
         source=outcome.source.name,
+        format=outcome.format,
+        outcome=outcome.status,
+        reason=" ".join(outcome.notes),
+        remarks=" ".join(outcome.remarks),
+        clips=len(made),
+        frames=sum(row.frames for row in made),
+        bytes=outcome.source.size,
         sha256=outcome.sha256,
-        skeleton=writer.add_skeleton(outcome.skeleton),
-        frames=motion.frames,
-        fps=motion.fps,
-        seconds=motion.frames / motion.fps,
-        split=assigned.splits[outcome.source.name],
-        licence=licence_of(data_set, licence or assigned.licences.get(data_set)),
-        flags=_flags(outcome, job),
     )
-    writer.add_clip(row, motion)
-    return row
 
 
-def _flags(outcome: Outcome, job: Job) -> str:
+def _flags(recording: Recording, job: Job) -> str:
     words = []
-    if job.fps_override is not None:
+    if job.asked.fps_override is not None:
         words.append("fps-override")
-    if any(note.startswith("Dropped the first") for note in outcome.notes):
+    if any(note.startswith("Dropped the first") for note in recording.notes):
         words.append("trimmed")
-    if any(note.startswith("Frames says") for note in outcome.notes):
+    if any(note.startswith("Frames says") for note in recording.notes):
         words.append("frames-line-off")
     return " ".join(words)
 
@@ -106,9 +143,11 @@ class _ClipNames:
     def __init__(self) -> None:
         self._taken: set[str] = set()
 
-    def name(self, source: Source) -> str:
-        stem = PurePosixPath(source.member.replace("\\", "/")).with_suffix("").as_posix()
-        data_set = source.data_set[:-4] if source.data_set.lower().endswith(".zip") else source.data_set
+    def name(self, source: Source, part: str = "") -> str:
+        stem = PurePosixPath(source.member.replace("\\", "/")).with_suffix("").as_posix() + (
+            f".{part}" if part else ""
+        )
+        data_set = source.data_set.removesuffix(archive_suffix(source.data_set))
         path = stem if stem.split("/")[0] == data_set else f"{data_set}/{stem}"
         base = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.replace("/", ".")).strip("._") or "clip"
         name, copy = base[:200], 1
@@ -165,41 +204,40 @@ def _inputs(config: Config) -> list[Path]:
     return list(dict.fromkeys(paths))
 
 
-def _summary(outcomes: Sequence[tuple[str, str, str, str]], rows: Sequence[ClipRow], notes: Sequence[str]) -> dict:
+def _summary(table: Sequence[SourceRow], rows: Sequence[ClipRow], notes: Sequence[str]) -> dict:
     return {
-        "files": dict(Counter(status for _, status, _, _ in outcomes)),
+        "files": dict(Counter(row.outcome for row in table)),
+        "formats": dict(Counter(row.format for row in table if row.clips)),
         "clips": len(rows),
         "frames": sum(row.frames for row in rows),
         "seconds": round(sum(row.seconds for row in rows), 3),
         "splits": dict(Counter(row.split for row in rows)),
         "skeletons": dict(Counter(row.skeleton for row in rows)),
         "notes": list(notes),
-        "outcomes": [
-            {"source": source, "outcome": status, "clip": clip, "reason": reason}
-            for source, status, clip, reason in outcomes
-        ],
     }
 
 
-def _report(
-    config: Config, outcomes: Sequence[tuple[str, str, str, str]], rows: Sequence[ClipRow], notes: Sequence[str]
-) -> StageReport:
-    counts = Counter(status for _, status, _, _ in outcomes)
+def _report(config: Config, table: Sequence[SourceRow], rows: Sequence[ClipRow], notes: Sequence[str]) -> StageReport:
+    counts = Counter(row.outcome for row in table)
     skeletons = Counter(row.skeleton for row in rows)
     splits = Counter(row.split for row in rows)
     minutes = sum(row.seconds for row in rows) / 60
+    ignored = f", {counts['ignored']} ignored as no recordings" if counts["ignored"] else ""
     lines = [
         f"{len(rows)} clips, {sum(row.frames for row in rows)} frames, {minutes:.1f} minutes"
         f" on {len(skeletons)} skeleton{'s' if len(skeletons) > 1 else ''}"
         f" ({', '.join(f'{splits[name]} {name}' for name in ('train', 'val', 'test'))}).",
-        f"Files: {counts['kept']} kept as they are, {counts['repaired']} repaired, {counts['skipped']} skipped.",
+        f"Files: {counts['kept']} kept as they are, {counts['repaired']} repaired, {counts['skipped']} skipped"
+        f"{ignored}.",
         *notes,
     ]
-    odd = [outcome for outcome in outcomes if outcome[1] != "kept"]
-    odd.sort(key=lambda outcome: outcome[1] != "skipped")
-    lines += [f"{status}: {source}: {reason}" for source, status, _, reason in odd[:_LINES_SHOWN]]
+    for remark, count in Counter(row.remarks for row in table if row.remarks and row.clips).most_common(3):
+        lines.append(f"{count} file{'s' if count > 1 else ''}: {remark}")
+    odd = [row for row in table if row.outcome in ("skipped", "repaired")]
+    odd.sort(key=lambda row: row.outcome != "skipped")
+    lines += [f"{row.outcome}: {row.source}: {row.reason}" for row in odd[:_LINES_SHOWN]]
     if len(odd) > _LINES_SHOWN:
-        lines.append(f"... and {len(odd) - _LINES_SHOWN} more; the manifest's summary lists what was done with each.")
+        lines.append(f"... and {len(odd) - _LINES_SHOWN} more; the artefact's {SOURCES_NAME} tells of each file.")
     if any(row.licence == "unknown" for row in rows):
         lines.append("The licence of some recordings is unknown; say it with --licence.")
     figures = {"clips": len(rows), "files": dict(counts), "splits": dict(splits), "skeletons": len(skeletons)}

@@ -1,4 +1,4 @@
-"""`pumps pick-clips`: a few test clips, copied out of their sources byte for byte, to be filled and looked at."""
+"""`pumps pick-clips`: a few test clips, copied out of their sources as they came, to be filled and looked at."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from data_schemas.whole_file import write_whole
 from stages.config import StageReport
+from stages.formats.bvh_of_motion import bvh_of_motion
+from stages.formats.readers import recognise
 from stages.formats.sources import source_named
 from stages.pick_clips.config import Config
 from stages.progress import SILENT, Progress
@@ -27,21 +29,30 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     artefact = open_artefact(config.motion, "motion")
     with MotionReader(artefact) as reader:
         picked = pick(reader.clips, config)
-    if not picked:
-        raise InputError(
-            f"{config.motion} has no clip in the split {' or '.join(config.splits)}.",
-            "Name some in the file given to `pumps ingest --splits`.",
-        )
-    config.output.mkdir(parents=True, exist_ok=True)
-    progress.start("Copying clips", len(picked))
-    for row in picked:
-        write_whole(config.output / f"{row.clip}.bvh", source_named(row.source).read())
-        progress.advance(1, row.clip)
+        if not picked:
+            raise InputError(
+                f"{config.motion} has no clip in the split {' or '.join(config.splits)}.",
+                "Name some in the file given to `pumps ingest --splits`.",
+            )
+        config.output.mkdir(parents=True, exist_ok=True)
+        progress.start("Copying clips", len(picked))
+        for row in picked:
+            write_whole(config.output / f"{row.clip}.bvh", _as_bvh(row, reader))
+            progress.advance(1, row.clip)
     for stale in set(config.output.glob("*.bvh")) - {config.output / f"{row.clip}.bvh" for row in picked}:
         stale.unlink()
     names = [row.clip for row in picked]
     write_whole(config.output / LIST_NAME, "".join(f"{name}.bvh\n" for name in names).encode())
     return StageReport(output=config.output, lines=[f"picked {', '.join(names)}"], figures={"clips": names})
+
+
+def _as_bvh(row: ClipRow, reader: MotionReader) -> bytes:
+    """A BVH as it came, byte for byte; a clip of another format written as one."""
+    data = source_named(row.source).read()
+    found = recognise(data, row.source)
+    if found is not None and found.name == "bvh":
+        return data
+    return bvh_of_motion(reader.skeleton(row.skeleton), reader.motion(row.clip), row.clip)
 
 
 def pick(rows: Sequence[ClipRow], config: Config) -> list[ClipRow]:

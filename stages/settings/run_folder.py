@@ -73,9 +73,11 @@ def source_files(sources: Iterable[str]) -> list[Path]:
     Raises:
         InputError: a source names nothing.
     """
+    from stages.formats.readers import AUTO, rig_suffixes, suffixes_of
     from stages.formats.sources import find_sources
 
-    return sorted({Path(source.archive or source.name) for source in find_sources(list(sources))})
+    found = find_sources(list(sources), (*suffixes_of(AUTO), *rig_suffixes()))
+    return sorted({Path(source.archive or source.name) for source in found})
 
 
 def _parse_setting(text: str) -> tuple[str, Layer]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import pytest
 
 from data_schemas.errors import InputError
 from stages.formats import sources as module
-from stages.formats.sources import find_sources, source_named
+from stages.formats.sources import beside, find_sources, source_named
 
 
 def _archive(path: Path, members: dict[str, bytes], **options: int) -> Path:
@@ -53,6 +55,77 @@ def test_members_that_would_fill_the_memory_are_refused(tmp_path: Path) -> None:
     path = _archive(tmp_path / "bomb.zip", {"a.bvh": b"0" * (64 << 20)})
     with pytest.raises(InputError, match="unpack to 67 MB"):
         find_sources([str(path)])
+
+
+def _tar(path: Path, members: dict[str, bytes], mode: str = "w:gz") -> Path:
+    with tarfile.open(path, mode) as archive:  # type: ignore[call-overload]
+        for name, data in members.items():
+            info = tarfile.TarInfo(name)
+            info.size = len(data)
+            archive.addfile(info, io.BytesIO(data))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("suffix", "mode"),
+    [(".tar", "w"), (".tar.gz", "w:gz"), (".tgz", "w:gz"), (".tar.bz2", "w:bz2"), (".tar.xz", "w:xz")],
+)
+def test_tar_archives_are_read_member_by_member(tmp_path: Path, suffix: str, mode: str) -> None:
+    long = "deep/" * 40 + "c.bvh"
+    members = {"x/b.bvh": b"b" * 700, "x/a.bvh": b"aa", "x/readme.md": b"-", long: b"c", "__MACOSX/x/a.bvh": b"-"}
+    path = _tar(tmp_path / f"all{suffix}", members, mode)
+    found = find_sources([str(path)])
+    assert [source.member for source in found] == ["x/b.bvh", "x/a.bvh", long]  # as they lie in it
+    assert [source.read() for source in reversed(found)] == [b"c", b"aa", b"b" * 700]
+    assert found[0].data_set == path.name and source_named(found[1].name).read() == b"aa"
+    assert find_sources([str(tmp_path)]) == found, "archives in folders count too"
+
+
+def test_links_and_devices_in_a_tar_are_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "odd.tar"
+    with tarfile.open(path, "w") as archive:
+        for name, kind, target in (("a.bvh", tarfile.SYMTYPE, "/etc/passwd"), ("b.bvh", tarfile.LNKTYPE, "a.bvh"),
+                                   ("c.bvh", tarfile.CHRTYPE, ""), ("d.bvh", tarfile.REGTYPE, "")):  # fmt: skip
+            info = tarfile.TarInfo(name)
+            info.type, info.linkname = kind, target
+            archive.addfile(info)
+    assert [source.member for source in find_sources([str(path)])] == ["d.bvh"]
+
+
+@pytest.mark.parametrize("name", ["../up.bvh", "/abs.bvh", "a/../../b.bvh"])
+def test_tar_members_that_climb_out_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="climbs out"):
+        find_sources([str(_tar(tmp_path / "evil.tar.gz", {"ok.bvh": b"-", name: b"-"}))])
+
+
+def test_tar_bombs_and_damaged_tars_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="unpack to"):
+        find_sources([str(_tar(tmp_path / "bomb.tar.gz", {"a.bvh": b"0" * (64 << 20)}))])
+    whole = _tar(tmp_path / "whole.tgz", {"a.bvh": bytes(range(256)) * 99, "b.bvh": b"b"}).read_bytes()
+    (tmp_path / "cut.tgz").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "none.tgz").write_bytes(b"no archive")
+    for name in ("cut.tgz", "none.tgz"):
+        with pytest.raises(InputError, match=name):
+            [source.read() for source in find_sources([str(tmp_path / name)])]
+    header = bytearray(tarfile.TarInfo("a.bvh").tobuf())
+    header[124:136] = b"\xff" * 11 + b"\x00"  # a size below zero: a reader that trusts it goes round for ever
+    header[148:156] = b"%06o\0 " % (sum(header[:148]) + 8 * 32 + sum(header[156:]))
+    (tmp_path / "round.tar").write_bytes(bytes(header) * 3)
+    with pytest.raises(InputError, match=r"round\.tar"):
+        find_sources([str(tmp_path / "round.tar")])
+
+
+def test_files_beside_a_recording_are_found(tmp_path: Path) -> None:
+    members = {"s/01/01.asf": b"1", "s/01/01_01.amc": b"a", "s/02/02.asf": b"2", "s/02/x.amc": b"b"}
+    for path in (_archive(tmp_path / "a.zip", members), _tar(tmp_path / "a.tar.gz", members)):
+        first, second = find_sources([str(path)], (".amc",))
+        assert [source.read() for source in beside(first, ".asf")] == [b"1"]
+        assert [source.read() for source in beside(second, ".asf")] == [b"2"]
+    for name, data in members.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(data)
+    (source,) = find_sources([str(tmp_path / "s" / "01")], (".amc",))
+    assert [each.read() for each in beside(source, ".asf")] == [b"1"]
 
 
 def test_damaged_and_missing_sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,8 @@ import pytest
 from data_schemas.artefact import open_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import MotionReader
+from data_schemas.source_table import read_sources
+from stages.formats.recording import Asked
 from stages.formats.sources import find_sources
 from stages.ingest.config import Config
 from stages.ingest.reading import Job, read_all
@@ -51,8 +53,8 @@ def archive(tmp_path: Path) -> Path:
 def test_every_file_has_an_outcome(archive: Path, tmp_path: Path) -> None:
     report = run(Config(sources=(str(archive),), output=tmp_path / "motion", fps_override=("*salsa*=60",)))
     manifest = open_artefact(tmp_path / "motion", "motion").manifest
-    outcomes = {entry["source"].split("!")[1]: entry for entry in manifest.summary["outcomes"]}
-    assert {name.split("/", 1)[1]: entry["outcome"] for name, entry in outcomes.items()} == {
+    outcomes = {row.source.split("!")[1]: row for row in read_sources(open_artefact(tmp_path / "motion").folder)}
+    assert {name.split("/", 1)[1]: row.outcome for name, row in outcomes.items()} == {
         "indian/01.bvh": "kept",
         "other/cut.bvh": "skipped",
         "other/pose.bvh": "skipped",
@@ -60,8 +62,8 @@ def test_every_file_has_an_outcome(archive: Path, tmp_path: Path) -> None:
         "salsa/01.bvh": "repaired",
         "salsa/02.bvh": "repaired",
     }
-    assert "line" in outcomes["cmu-dance/other/cut.bvh"]["reason"]
-    assert "1 frame" in outcomes["cmu-dance/other/pose.bvh"]["reason"]
+    assert "line" in outcomes["cmu-dance/other/cut.bvh"].reason
+    assert "1 frame" in outcomes["cmu-dance/other/pose.bvh"].reason
     assert any("cut.bvh" in line for line in report.lines)
     assert report.figures["files"] == {"kept": 2, "repaired": 2, "skipped": 2}
     assert any("mocap.cs.cmu.edu" in licence for licence in manifest.licences)
@@ -156,12 +158,13 @@ def test_the_same_input_gives_the_same_digest_with_any_number_of_processes(
 
 def test_outcomes_come_in_order_from_many_processes(archive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stages.ingest.reading._POOL_FROM_BYTES", 0)
-    jobs = [Job(source, None, "0", None) for source in find_sources([str(archive)])] * 3
+    jobs = [Job(source, "auto", Asked()) for source in find_sources([str(archive)])] * 3
     many, one = list(read_all(jobs, 2)), list(read_all(jobs, 1))
     assert [outcome.source for outcome in many] == [job.source for job in jobs]
     for a, b in zip(many, one, strict=True):
         assert a.status == b.status and a.notes == b.notes
-        assert a.motion is None or np.array_equal(a.motion.rotations, b.motion.rotations)  # type: ignore[union-attr]
+        for one_clip, other in zip(a.recordings, b.recordings, strict=True):
+            assert np.array_equal(one_clip.motion.rotations, other.motion.rotations)
 
 
 def test_clips_of_one_name_stay_apart(tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_sources_change_with_content_and_not_with_time(tmp_path: Path):
     (data / "sub").mkdir(parents=True)
     clip = data / "sub" / "a.bvh"
     clip.write_text("HIERARCHY")
-    (data / "notes.txt").write_text("not a recording")
+    (data / "notes.md").write_text("not a recording")
     write_run_config(run, ["tiny"], [], [str(data)])
     first = sources_of(run)
     assert first.endswith(f"  {clip}\n") and first.count("\n") == 1

@@ -1,0 +1,204 @@
+"""Zip and tar archives, listed and read member by member in memory; nothing is ever unpacked to the disk.
+
+Members whose names climb out of their archive, or that would fill the memory, are refused.
+"""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import io
+import lzma
+import os
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import PurePosixPath
+from typing import Any, BinaryIO
+
+from data_schemas.errors import InputError
+
+MAX_FILE_BYTES = 1 << 30
+MAX_RATIO = 300  # text of numbers packs 3 to 10 times; a bomb a thousand times and more
+_RATIO_COUNTS_FROM = 16 << 20
+_MAX_MEMBERS = 2_000_000
+
+_TAR_SUFFIXES: dict[str, Callable[..., Any]] = {
+    ".tar": open, ".tar.gz": gzip.open, ".tgz": gzip.open, ".tar.bz2": bz2.open, ".tbz2": bz2.open,
+    ".tar.xz": lzma.open, ".txz": lzma.open,
+}  # fmt: skip
+ARCHIVE_SUFFIXES = (".zip", *_TAR_SUFFIXES)
+_DAMAGED = (
+    zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, gzip.BadGzipFile, EOFError, NotImplementedError,
+    RuntimeError, KeyError, ValueError, OverflowError, OSError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Member:
+    """A file in an archive. offset: where its bytes begin in an unpacked tar, -1 in a zip."""
+
+    name: str
+    size: int
+    offset: int
+
+
+def archive_suffix(name: str) -> str:
+    """Which of ARCHIVE_SUFFIXES a file name ends in, or ""."""
+    lower = name.lower()
+    return next((suffix for suffix in ARCHIVE_SUFFIXES if lower.endswith(suffix)), "")
+
+
+def members_of(archive: str) -> tuple[Member, ...]:
+    """All plain files of an archive, in the order in which they are read fastest.
+
+    Raises: InputError where it is damaged, or a member's name or size is hostile.
+    """
+    try:
+        return _listed(archive, _stamp(archive))
+    except OSError as error:
+        raise InputError(f"{archive} cannot be read: {error.strerror or error}.", "Check the path.") from None
+
+
+def read_member(archive: str, member: Member) -> bytes:
+    """A member's bytes. Raises InputError where they are damaged, or other than the archive's list says."""
+    name = f"{archive}!{member.name}"
+    try:
+        if member.offset >= 0:
+            stream = _tar_stream(archive, _stamp(archive))
+            stream.seek(member.offset)
+            data = stream.read(member.size)
+        else:
+            with _zip(archive, _stamp(archive)).open(member.name) as file:
+                # The list of a hostile archive may understate the size; read no more than it says, and one byte.
+                data = file.read(member.size + 1)
+    except _DAMAGED as error:
+        reason = "it is encrypted" if "encrypted" in str(error) else "its data are damaged"
+        raise InputError(f"{name} cannot be read: {reason}.", "Fetch the archive again.") from None
+    if len(data) != member.size:
+        raise InputError(f"{name} is {len(data)} bytes or more where the archive says {member.size}.")
+    return data
+
+
+def _stamp(archive: str) -> tuple[int, int]:
+    state = os.stat(archive)
+    return state.st_mtime_ns, state.st_size
+
+
+@lru_cache(maxsize=8)
+def _listed(archive: str, stamp: tuple[int, int]) -> tuple[Member, ...]:
+    """Each archive is listed once in a process, as long as the file stays the same."""
+    is_zip = archive_suffix(archive) == ".zip"
+    members = []
+    try:
+        for name, size, packed, offset in (_in_zip if is_zip else _in_tar)(archive, stamp):
+            _check_member(archive, name, size, packed)
+            members.append(Member(name, size, offset))
+            if len(members) > _MAX_MEMBERS:
+                raise InputError(f"{archive} has more than {_MAX_MEMBERS} members.")
+    except (*_DAMAGED, RecursionError, MemoryError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        kind = "zip" if is_zip else "tar"
+        raise InputError(f"{archive} is no {kind} archive or is damaged.", "Fetch it again.") from None
+    if is_zip:
+        members.sort(key=lambda member: member.name)
+    return tuple(members)
+
+
+def _check_member(archive: str, name: str, size: int, packed: int) -> None:
+    plain = name.replace("\\", "/")
+    if plain.startswith("/") or ":" in plain.split("/")[0] or ".." in plain.split("/") or "\0" in plain:
+        raise InputError(f"{archive} has a member whose name climbs out of it: '{name[:100]}'.")
+    if size > MAX_FILE_BYTES or (size > _RATIO_COUNTS_FROM and size > MAX_RATIO * max(packed, 1)):
+        raise InputError(
+            f"{archive} has a member '{name[:100]}' that would unpack to {size / 1e6:.0f} MB.",
+            "That is no recording; take it out of the archive.",
+        )
+
+
+# --- zip ----------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=8)
+def _zip(archive: str, stamp: tuple[int, int]) -> zipfile.ZipFile:
+    return zipfile.ZipFile(archive)
+
+
+def _in_zip(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, int, int]]:
+    for info in _zip(archive, stamp).infolist():
+        if not info.is_dir() and "__MACOSX" not in info.filename:
+            yield info.filename, info.file_size, info.compress_size, -1
+
+
+# --- tar ----------------------------------------------------------------------------------------
+
+
+class _Unpacked(io.RawIOBase):
+    """An archive's unpacked bytes. Reading on is cheap, going back starts anew; a bomb is cut off as it unpacks."""
+
+    def __init__(self, archive: str):
+        self._file: BinaryIO = _TAR_SUFFIXES[archive_suffix(archive)](archive, "rb")
+        packed = os.path.getsize(archive)
+        self._limit = packed if archive.lower().endswith(".tar") else max(_RATIO_COUNTS_FROM, MAX_RATIO * packed)
+        self._archive = archive
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        if whence != 0 or offset < 0:
+            raise ValueError("only places from the start are known")
+        self._check(offset)
+        return self._file.seek(offset)
+
+    def read(self, size: int = -1) -> bytes:
+        if not 0 <= size <= MAX_FILE_BYTES:
+            raise ValueError("a part of no sensible size")
+        self._check(self._file.tell() + min(size, _RATIO_COUNTS_FROM))
+        pieces = []
+        while size > 0:  # in pieces, so that a header's claim alone takes no memory
+            piece = self._file.read(min(size, 1 << 20))
+            if not piece:
+                break
+            pieces.append(piece)
+            size -= len(piece)
+            self._check(self._file.tell())
+        return b"".join(pieces)
+
+    def _check(self, place: int) -> None:
+        if place > self._limit + _RATIO_COUNTS_FROM:
+            raise InputError(
+                f"{self._archive} would unpack to more than {self._limit / 1e6:.0f} MB, or ends before it should.",
+                "That is no archive of recordings, or it is damaged.",
+            )
+
+
+@lru_cache(maxsize=4)
+def _tar_stream(archive: str, stamp: tuple[int, int]) -> _Unpacked:
+    return _Unpacked(archive)
+
+
+def _in_tar(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, int, int]]:
+    stream = _Unpacked(archive)
+    packed = os.path.getsize(archive)
+    with tarfile.TarFile(fileobj=stream, mode="r", errorlevel=2) as tar:
+        last = -1
+        while (info := tar.next()) is not None:
+            tar.members = []  # type: ignore[attr-defined]  # it would keep them all
+            if info.offset <= last or info.size < 0:
+                raise tarfile.ReadError("a member begins before the one before it ends")
+            last = info.offset
+            if info.issym() or info.islnk() or not info.isreg() or info.issparse():
+                continue
+            if "__MACOSX" not in info.name and not PurePosixPath(info.name).name.startswith("._"):
+                yield info.name, info.size, packed, info.offset_data

@@ -1,0 +1,2 @@
+"""Joint lists that people give positions by."""
+LISTS: dict[str, tuple] = {}
