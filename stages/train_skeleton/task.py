@@ -99,7 +99,7 @@ class SkeletonTask:
             shown = self.config.points
             return self.networks(points[:, :, :shown], groups[:, :shown], times, valid)
 
-    def loss(self, batch: SourceBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
+    def loss(self, batch: SourceBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         config, body = self.config, self.rig.body
         pose = self._pose(batch)
         own = draw_own_points(body, batch.sigma, config.loss_points, generator)

@@ -14,6 +14,8 @@ from stages.inference.skeleton_decoding import decode_cloud, load_rig_network
 from stages.kinematics.forward import positions_of
 from stages.kinematics.rig import rig_of_motion
 from stages.pointcloud.knn_loss import nearest_trajectories
+from stages.settings.layers import settle_file_part
+from stages.settings.presets import preset_layers
 from stages.train_skeleton.config import Config
 from stages.train_skeleton.run import run
 from stages.train_skeleton.sources import pools_of
@@ -141,3 +143,10 @@ def test_the_validations_reference_is_two_draws_of_one_motion(clouds, tmp_path):
 def test_refusals(clouds, tmp_path, changes, error, says):
     with pytest.raises(error, match=says):
         run(config_for(clouds, tmp_path / "net", **changes))
+
+
+@pytest.mark.parametrize("preset", ["tiny", "small", "paper"])
+def test_presets_have_its_settings(preset):
+    (layer,) = preset_layers(preset, "train-skeleton")
+    assert layer.values["steps"] > 1000
+    settle_file_part(Config, [layer], what=preset)
