@@ -56,6 +56,26 @@ def spread_ratios(made: Tensor, points: Tensor, groups: Tensor) -> Tensor:
     return torch.stack(ratios, dim=1)
 
 
+def nearest_differences(predicted: Tensor, expected: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
+    """Differences to the nearest trajectory of the group, both ways: the pairs of the Chamfer distance, whose mean
+    squared norm is `assignment.chamfer_squared`.
+
+    Args: predicted, expected: (B, T, P, 3) metres. groups: (B, P). valid: (B, T) True for real frames.
+
+    Returns: (B, T, 2 P, 3) metres, each predicted point less its nearest expected one, then each expected point's
+        nearest predicted one less it.
+    """
+    with torch.no_grad():
+        costs = trajectory_costs(predicted, expected, valid)
+        costs = costs.masked_fill(groups.unsqueeze(2) != groups.unsqueeze(1), float("inf"))
+        forth, back = costs.argmin(2), costs.argmin(1)
+
+    def taken(points: Tensor, index: Tensor) -> Tensor:
+        return torch.gather(points, 2, index[:, None, :, None].expand(-1, points.shape[1], -1, 3))
+
+    return torch.cat([predicted - taken(expected, forth), taken(predicted, back) - expected], dim=2)
+
+
 def chamfer_distance(made: Tensor, points: Tensor, groups: Tensor) -> Tensor:
     """Root-mean-square distance over time from each point's trajectory to the nearest one of its body group, mean
     over points and both directions.

@@ -12,8 +12,8 @@ from torch import Tensor, nn
 from stages.networks.cloud_decoder import CloudDecoder
 from stages.networks.device import precision
 from stages.networks.frame_encoder import FrameEncoder
-from stages.pointcloud.assignment import chamfer_squared, paired_difference
-from stages.pointcloud.reconstruction import distances, spread_ratios
+from stages.pointcloud.assignment import paired_difference
+from stages.pointcloud.reconstruction import distances, nearest_differences, spread_ratios
 from stages.train_ae.config import Config
 from stages.training.task import RowRandom
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
@@ -100,14 +100,10 @@ class AutoencoderTask:
         if 0 < count < points.shape[2]:
             # Noise and points are drawn independently, so any subset is as good; groups stay equal on both sides.
             made, points, groups = made[:, :, :count], points[:, :, :count], groups[:, :count]
-        figures: dict[str, float] = {}
-        if self.config.loss == "chamfer":
-            value = chamfer_squared(made, points, groups, valid) / _UNIT_M**2
-        else:
-            apart = paired_difference(made, points, groups, valid) / _UNIT_M
-            moving, static = split_over_time(apart, valid)
-            value = static + (1 + self.config.variation_weight) * moving
-            figures = {"rec": float((static + moving).detach()), "moving": float(moving.detach())}
+        choose_pairs = nearest_differences if self.config.loss == "chamfer" else paired_difference
+        moving, static = split_over_time(choose_pairs(made, points, groups, valid) / _UNIT_M, valid)
+        value = static + (1 + self.config.variation_weight) * moving
+        figures = {"rec": float((static + moving).detach()), "moving": float(moving.detach())}
         if self.config.decoder.identities == "vae":
             # -log p = half the squared distance over the observation's variance, here one unit, plus the divergence.
             nats = divergence[valid].mean()
