@@ -2,6 +2,12 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*salsa*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures shipped weights beside those trained
+# make table2      PUMPS Table 2: the autoencoder and six changed in one thing each, trained and measured alike
+#                  optional: DATA, SPLITS, RUN, PRESET, SET as above
+# make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
+# make pcmrl-table1 | pcmrl-table2 | pcmrl-table3
+#                  PC-MRL's tables, Bandai Namco to CMU and back; SHARED_DATA, BANDAI, CMU name the archives;
+#                  optional: RUN (pcmrl), PRESET (pcmrl), SET='train-citl.steps=20000', another RUN for other settings
 # make test        linters, types, import directions, tests
 # make lint | bench | clean-run RUN=mine | help
 #
@@ -17,6 +23,8 @@ DATA   ?=
 SET    ?=
 COMPARE  ?=
 FPS_OVERRIDE ?=
+# Where the archives of public data lie that the tables are made from, unless DATA names others.
+SHARED_DATA ?= ../shared/data
 
 # The splits beside the data, where there are some.
 SPLITS ?= $(firstword $(wildcard $(addsuffix /splits.json,$(DATA)) $(addsuffix splits.json,$(dir $(DATA)))))
@@ -26,7 +34,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill test lint bench install install-dev clean-run
+.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents test lint bench install install-dev clean-run
 .SUFFIXES:
 
 help:
@@ -119,6 +127,119 @@ $(R)/report/report.html: $(C)/report.toml $(R)/evaluate/manifest.json $(R)/train
 	@mkdir -p $(@D)
 	$(PUMPS) report --config $< --metrics $(R)/evaluate --checkpoints $(R)/train-ae --checkpoints $(R)/train-lms \
 	  $(foreach clip,$(CLIPS),--motions '$(clip)/truth=$(R)/pick-clips/$(clip).bvh' --motions '$(clip)/PUMPS=$(R)/infill/$(clip).bvh') -o $@
+
+# ---- PUMPS Table 2 ---------------------------------------------------------------------------------------------
+
+# Each row is the preset's autoencoder with one setting changed; `skinning`, our own head, is no row of the paper.
+TABLE2_ROWS := full element-dropout sinusoidal chamfer vae-codes grid-codes skinning
+ROW_element-dropout := --decoder.dropout-kind element
+ROW_sinusoidal      := --decoder.positions sinusoidal
+ROW_chamfer         := --loss chamfer
+ROW_vae-codes       := --decoder.identities vae
+ROW_grid-codes      := --decoder.identities grid
+ROW_skinning        := --decoder.head skinning
+
+TABLE2_DATA ?= $(foreach name,bandai-namco-1 cmu-dance lafan1-g1,$(SHARED_DATA)/$(name).zip)
+# A table's own value, unless the user has given one.
+unless_given = $(if $(filter file undefined,$(origin $(1))),$(2),$($(1)))
+
+table2: install
+	@$(MAKE) --no-print-directory table2-rows RUN='$(call unless_given,RUN,table2)' \
+	  PRESET='$(call unless_given,PRESET,table2)' DATA='$(or $(DATA),$(TABLE2_DATA))' \
+	  FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
+
+table2-rows: configure
+	@$(MAKE) --no-print-directory $(R)/measure-ae/manifest.json
+	@cat $(R)/measure-ae/data-*/summary.md
+
+.PRECIOUS: $(R)/rows/%/manifest.json
+$(R)/rows/%/manifest.json: $(C)/train-ae.toml $(R)/sample-tpc/manifest.json
+	$(PUMPS) train ae --config $< --tpc $(R)/sample-tpc $(ROW_$*) -o $(@D)
+	@test -f $@ || { echo '$(@D): training stopped before its end; run make again to go on.' >&2; exit 1; }
+
+$(R)/measure-ae/manifest.json: $(TABLE2_ROWS:%=$(R)/rows/%/manifest.json)
+	$(PUMPS) measure ae --tpc $(R)/sample-tpc $(foreach row,$(TABLE2_ROWS),--weights $(row)=$(R)/rows/$(row)) -o $(@D)
+
+# ---- how far latents move --------------------------------------------------------------------------------------
+
+LATENT_WEIGHTS ?= tiny
+LATENT_DATA ?= $(foreach name,bandai-namco-1 bandai-namco-2 cmu-dance lafan1-g1,$(SHARED_DATA)/$(name).zip)
+# The embedded clips serve where there is nothing else; no weights saw them, so that all of them count as held out.
+LATENT_HAVE = $(or $(DATA),$(wildcard $(LATENT_DATA)),stages/clips)
+
+latent-report: install
+	@$(MAKE) --no-print-directory latents RUN='$(call unless_given,RUN,latents)' DATA='$(LATENT_HAVE)' \
+	  FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
+
+latents: configure
+	@$(MAKE) --no-print-directory $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json
+	@cat $(R)/latents-$(notdir $(LATENT_WEIGHTS))/data-*/summary.md
+
+$(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.json
+	$(PUMPS) measure latents --motion $(R)/ingest --weights $(LATENT_WEIGHTS) -o $(@D) \
+	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
+
+# ---- PC-MRL's tables -------------------------------------------------------------------------------------------
+
+# Motions of one data set are adapted to the skeleton of the other, an interpolator learns from them, and fills that
+# skeleton's own test motions. Both ways: the rigs are clips of the training splits.
+BANDAI      ?= $(SHARED_DATA)/bandai-namco-1.zip
+CMU         ?= $(SHARED_DATA)/cmu-dance.zip
+PCMRL_SOURCES_bandai := $(BANDAI)
+PCMRL_SOURCES_cmu    := $(CMU)
+PCMRL_RIG_bandai     := $(firstword $(BANDAI))!bandai-namco-1/dataset-1_walk_active_001.bvh
+PCMRL_RIG_cmu        := $(firstword $(CMU))!cmu-dance/indian/06.bvh
+PCMRL_CATEGORY_bandai := --category 'Walking=*_walk*' --category 'Running=*_dash_*' --category 'Gestures, punches=*'
+PCMRL_CATEGORY_cmu    := --category 'Salsa=*salsa*' --category 'Indian dance=*indian*'
+
+Q := $(RUNS)/$(if $(filter file,$(origin RUN)),pcmrl,$(RUN))
+Q_PRESET := $(if $(filter file,$(origin PRESET)),pcmrl,$(PRESET))
+# A stage's preset, and what SET says of it as flags.
+of_stage = --preset $(Q_PRESET) $(foreach each,$(filter $(1).%,$(SET)),--$(subst _,-,$(patsubst $(1).%,%,$(firstword $(subst =, ,$(each))))) '$(word 2,$(subst =, ,$(each)))')
+unfinished = @test -f $@ || { echo '$(@D): training stopped before its end; run make again to go on.' >&2; exit 1; }
+
+.PHONY: pcmrl-table1 pcmrl-table2 pcmrl-table3
+pcmrl-table1: install $(Q)/bandai-to-cmu/table1/manifest.json $(Q)/cmu-to-bandai/table1/manifest.json
+	@cat $(Q)/*/table1/data-*/summary.md
+pcmrl-table2: install $(Q)/bandai-to-cmu/table2/manifest.json $(Q)/cmu-to-bandai/table2/manifest.json
+	@cat $(Q)/*/table2/data-*/summary.md
+pcmrl-table3: install $(Q)/bandai-to-cmu/table3/manifest.json $(Q)/cmu-to-bandai/table3/manifest.json
+	@cat $(Q)/*/table3/data-*/summary.md
+
+.PRECIOUS: $(Q)/%/manifest.json
+$(Q)/%/ingest/manifest.json:
+	$(PUMPS) ingest bvh $(PCMRL_SOURCES_$*) $(call of_stage,ingest) --splits $(SHARED_DATA)/splits.json --fps-override '*salsa*=60' -o $(@D)
+$(Q)/%/tpc/manifest.json: $(Q)/%/ingest/manifest.json
+	$(PUMPS) sample-tpc $(call of_stage,sample-tpc) --motion $(<D) -o $(@D)
+$(Q)/%/citl/manifest.json: $(Q)/%/tpc/manifest.json
+	$(PUMPS) train citl $(call of_stage,train-citl) --rest-pose-m 0 --tpc $(<D) -o $(@D)
+	$(unfinished)
+
+# $(1) is adapted to the skeleton of $(2): by the network, and (`solved`) by the network and the solve from there.
+define pcmrl_direction
+$(Q)/$(1)-to-$(2)/skeleton/manifest.json: $(Q)/$(1)/tpc/manifest.json
+	$$(PUMPS) train skeleton $$(call of_stage,train-skeleton) --skeleton '$$(PCMRL_RIG_$(2))' --tpc $$(<D) -o $$(@D)
+	$$(unfinished)
+$(foreach way,network both,$(foreach part,train test,
+$(Q)/$(1)-to-$(2)/$(way)-$(part)/manifest.json: $(Q)/$(1)/tpc/manifest.json $(Q)/$(1)-to-$(2)/skeleton/manifest.json
+	$$(PUMPS) decode --method $(way) --tpc $$(<D) --network $(Q)/$(1)-to-$(2)/skeleton $(if $(filter train,$(part)),--splits train --splits val,--splits test) -o $$(@D)
+$(Q)/$(1)-to-$(2)/$(way)-$(part)-tpc/manifest.json: $(Q)/$(1)-to-$(2)/$(way)-$(part)/manifest.json
+	$$(PUMPS) sample-tpc $$(call of_stage,sample-tpc) --motion $$(<D) -o $$(@D)
+))
+$(foreach each,rpa=network no-rpa=network solved=both,
+$(Q)/$(1)-to-$(2)/citl-$(firstword $(subst =, ,$(each)))/manifest.json: $(Q)/$(1)-to-$(2)/$(lastword $(subst =, ,$(each)))-train-tpc/manifest.json
+	$$(PUMPS) train citl $$(call of_stage,train-citl) $(if $(filter no-rpa=%,$(each)),--rest-pose-m 0) --tpc $$(<D) -o $$(@D)
+	$$(unfinished)
+)
+$(Q)/$(1)-to-$(2)/table1/manifest.json: $(Q)/$(2)/citl/manifest.json $(foreach each,no-rpa rpa,$(Q)/$(1)-to-$(2)/citl-$(each)/manifest.json)
+	$$(PUMPS) measure pcmrl $$(call of_stage,measure-pcmrl) $$(PCMRL_CATEGORY_$(2)) --truth $(Q)/$(2)/tpc --weights 'CITL, native=$(Q)/$(2)/citl' --weights 'PC-MRL w/o RPA=$(Q)/$(1)-to-$(2)/citl-no-rpa' --weights 'PC-MRL=$(Q)/$(1)-to-$(2)/citl-rpa' -o $$(@D)
+$(Q)/$(1)-to-$(2)/table2/manifest.json: $(foreach each,network both,$(Q)/$(1)-to-$(2)/$(each)-test-tpc/manifest.json)
+	$$(PUMPS) measure pcmrl $$(call of_stage,measure-pcmrl) --source $(Q)/$(1)/tpc --adapted 'PC-MRL=$(Q)/$(1)-to-$(2)/network-test-tpc' --adapted 'PC-MRL and solve=$(Q)/$(1)-to-$(2)/both-test-tpc' -o $$(@D)
+$(Q)/$(1)-to-$(2)/table3/manifest.json: $(Q)/$(2)/citl/manifest.json $(foreach each,rpa solved,$(Q)/$(1)-to-$(2)/citl-$(each)/manifest.json)
+	$$(PUMPS) measure pcmrl $$(call of_stage,measure-pcmrl) --truth $(Q)/$(2)/tpc --weights 'CITL, native=$(Q)/$(2)/citl' --weights 'CITL, network and solve=$(Q)/$(1)-to-$(2)/citl-solved' --weights 'PC-MRL=$(Q)/$(1)-to-$(2)/citl-rpa' -o $$(@D)
+endef
+$(eval $(call pcmrl_direction,bandai,cmu))
+$(eval $(call pcmrl_direction,cmu,bandai))
 
 clean-run:
 	rm -rf '$(R)'
