@@ -34,7 +34,7 @@ class TrainingConfig(DeviceConfig):
     balance: float = Field(
         0.0, description="A data set is drawn by its frames to this power: 0 an equal share each, 1 as they come."
     )
-    cache_mb: float = Field(256, description="Megabytes of frames to keep in memory; the rest is read when wanted.")
+    cache_mb: float = Field(512, description="Megabytes of frames to keep in memory; the rest is read when wanted.")
     workers: int = Field(
         0, description="Processes that draw batches ahead (GPUs want 2 to 8); 0: a thread of this one.", ge=0
     )
