@@ -15,12 +15,21 @@ def blocks(language: str) -> list[tuple[Path, str]]:
     return [(page, block) for page in PAGES for block in fence.findall(page.read_text(encoding="utf-8"))]
 
 
+LAUNCHED = re.compile(r"^(torchrun|accelerate launch) (.*?)-m pumps_cli ")
+
+
 def commands() -> list[tuple[Path, str]]:
-    """The lines of all ```sh blocks, continued lines joined, comments left out."""
+    """The lines of all ```sh blocks, continued lines joined, comments and launchers left out."""
     found = []
     for page, block in blocks("sh"):
         for line in block.replace("\\\n", " ").splitlines():
             line = line.partition(" #")[0].strip()
             if line and not line.startswith("#"):
-                found.append((page, line))
+                found.append((page, LAUNCHED.sub("pumps ", line)))
     return found
+
+
+def launchers() -> list[tuple[str, list[str]]]:
+    """The launchers that stand before commands, with their flags."""
+    lines = [line for _, block in blocks("sh") for line in block.replace("\\\n", " ").splitlines()]
+    return [(found[1], found[2].split()) for line in lines if (found := LAUNCHED.match(line.strip()))]

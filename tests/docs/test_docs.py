@@ -11,12 +11,14 @@ import shlex
 from pathlib import Path
 
 import pytest
+from accelerate.commands.launch import launch_command_parser
+from torch.distributed.run import get_args_parser as torchrun_parser
 
 from pumps_cli import stage_command
 from pumps_cli.app import main
 from stages.config import StageReport
 from stages.registry import STAGES
-from tests.docs.pages import PAGES, ROOT, blocks, commands
+from tests.docs.pages import PAGES, ROOT, blocks, commands, launchers
 
 SHELL = [pytest.param(line, id=f"{page.name}: {line[:60]}") for page, line in commands()]
 
@@ -41,6 +43,14 @@ def test_every_make_target_and_variable_exists(line: str):
     for word in shlex.split(line)[1:]:
         name, given, _ = word.partition("=")
         assert name in (variables if given else targets) or name.startswith("-j"), word
+
+
+def test_launchers_flags_are_theirs():
+    parsers = {"torchrun": torchrun_parser, "accelerate launch": launch_command_parser}
+    shown = launchers()
+    assert {program for program, _ in shown} == set(parsers)
+    for program, flags in shown:
+        parsers[program]().parse_args([*flags, "script"])
 
 
 def test_no_other_programs_are_shown():
