@@ -9,6 +9,8 @@
 #                  PC-MRL's tables, Bandai Namco to CMU and back; SHARED_DATA, BANDAI, CMU name the archives;
 #                  optional: RUN (pcmrl), PRESET (pcmrl), SET='train-citl.steps=20000', another RUN for other settings
 # make test        linters, types, import directions, tests
+# make bench-train   times training steps at the paper's sizes and writes docs/performance.md; PRESET, DEVICE=cuda,
+#                  BATCH=40, AUTHORS=adapter.py (another implementation's step, timed beside ours)
 # make lint | bench | clean-run RUN=mine | help
 #
 # A run's files are targets: a second call does only what is out of date, and a killed one goes on where it was.
@@ -34,7 +36,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents test lint bench install install-dev clean-run
+.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents test lint bench bench-train install install-dev clean-run
 .SUFFIXES:
 
 help:
@@ -257,4 +259,14 @@ test: lint
 	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
 
 bench: install-dev
-	@for script in $(wildcard benchmarks/*.py); do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
+	@for script in $(filter-out benchmarks/training_step.py,$(wildcard benchmarks/*.py)); do \
+	  echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
+
+# The paper's sizes, unless PRESET is given in the call; all cores, so nothing else should be running.
+DEVICE  ?= cpu
+BATCH   ?= 2
+AUTHORS ?=
+
+bench-train: install-dev
+	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \
+	  --preset $(if $(filter command environment,$(origin PRESET)),$(PRESET),paper) --page docs/performance.md

@@ -60,11 +60,10 @@ class _Pieces(torch.autograd.Function):
         ctx.run, ctx.rows, ctx.count = run, rows, count
         ctx.autocast = (kind, torch.get_autocast_dtype(kind), torch.is_autocast_enabled(kind))
         ctx.save_for_backward(*tensors)
+        parts = [part.detach() for part in tensors[:count]]
         # Casts of weights made here know no gradient, so they must not be kept for the layers that follow.
         with _autocast(ctx):
-            return torch.cat(
-                [run(*piece) for piece in zip(*(part.split(rows) for part in tensors[:count]), strict=True)]
-            )
+            return torch.cat([run(*piece) for piece in zip(*(part.split(rows) for part in parts), strict=True)])
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:

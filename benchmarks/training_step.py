@@ -1,0 +1,200 @@
+"""Time training steps at the sizes of a preset, beside what the machine can do and what the authors' code took.
+
+    make bench-train [PRESET=paper] [BATCH=2] [DEVICE=cuda] [AUTHORS=adapter.py]
+    python benchmarks/training_step.py [--json] [--rounds 5] [--page docs/performance.md] [--compile]
+
+All cases are built in one process and timed in turn, round after round, with a matrix product in every round: the
+least of the rounds is what the step costs, and its ratio to the product holds also where other work shares the
+machine. Memory is taken in a fresh process for each case.
+
+AUTHORS is a Python file with `make_step(sequences, frames, points, layers)`, which returns a function that takes one
+training step of another implementation (the released PUMPS code, say, which does not run as it is; whoever has
+mended a checkout knows how). Its steps are timed in the same rounds. Without it, ours are held against the times that
+the authors' code took on two CPU cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import runpy
+import statistics
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import torch
+from measuring.counting import share_in_products, waits_in, work_of
+from measuring.machine import limits, name_of, resident_mb, seconds_of
+from measuring.page import report, write_page
+from measuring.steps import Load, autoencoder_step, encoder_forward, synthesiser_step
+
+from stages.networks.device import choose_device
+from stages.networks.sizes import DecoderSizes, EncoderSizes
+from stages.registry import stage_named
+from stages.settings.layers import Layer, settle
+from stages.settings.presets import preset_layers
+
+# The authors' code at 2 x 128 frames x 256 points on two CPU cores, seconds, by layers of the decoder; and its
+# encoder on 256 frames, each point attending to itself alone.
+AUTHORS_STEP_S = {4: 3.7, 16: 5.4}
+AUTHORS_ENCODER_S = 0.37
+AUTHORS_LOAD = (2, 128, 256)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing to time. kind: encoder, ae or lms."""
+
+    kind: str
+    neighbours: int
+    layers: int = 0
+    head: str = "mlp"
+    mixed: bool = True
+    checkpointing: bool = False
+    compiled: bool = False
+
+    @property
+    def name(self) -> str:
+        words = {"encoder": "encoder forward", "ae": "autoencoder step", "lms": "synthesiser step"}
+        parts = [f"{words[self.kind]}, k={self.neighbours}"]
+        parts += [f"{self.layers} layers, {self.head}"] if self.kind == "ae" else []
+        parts += ["bfloat16" if self.mixed else "float32"]
+        parts += ["checkpointing"] * self.checkpointing + ["compiled"] * self.compiled
+        return ", ".join(parts)
+
+
+def cases_of(preset: str, settings: Any, compiled: bool) -> list[Case]:
+    """At the paper's sizes: both k, 4 and 16 layers, both heads, both precisions. Elsewhere the preset's own."""
+    own = (settings.encoder.neighbours, settings.decoder.layers, settings.decoder.head)
+    if preset != "paper":
+        cases = [Case("ae", *own), Case("ae", *own, mixed=False), Case("encoder", own[0]), Case("lms", own[0])]
+        return cases + [Case("ae", *own, compiled=True)] * compiled
+    cases = [Case("ae", k, layers) for k in (16, 8) for layers in (4, 16)]
+    cases += [Case("ae", 16, 4, mixed=False), Case("ae", 16, 4, "skinning"), Case("ae", 16, 4, checkpointing=True)]
+    cases += [Case("encoder", 8, mixed=False), Case("encoder", 8), Case("encoder", 16), Case("lms", 16)]
+    return cases + [Case("ae", 16, 4, compiled=True)] * compiled
+
+
+def build(case: Case, load: Load, ae: Any, lms: Any) -> Callable[[], object]:
+    """The step of a case."""
+    encoder = EncoderSizes(**{**ae.encoder.model_dump(), "neighbours": case.neighbours})
+    if case.kind == "encoder":
+        return encoder_forward(load, encoder, mixed=case.mixed)
+    if case.kind == "lms":
+        return synthesiser_step(load, encoder, lms.synthesiser, mixed=case.mixed, checkpointing=case.checkpointing)
+    decoder = DecoderSizes(**{**ae.decoder.model_dump(), "layers": case.layers, "head": case.head})
+    return autoencoder_step(
+        load, encoder, decoder, mixed=case.mixed, checkpointing=case.checkpointing, compiled=case.compiled
+    )
+
+
+def settings_of(preset: str) -> tuple[Any, Any]:
+    """The preset's settings of both trainings."""
+    found = []
+    for stage in ("train-ae", "train-lms"):
+        here = Layer("here", {"tpc": "none", "output": "none"} | ({"ae": "none"} if stage == "train-lms" else {}))
+        layers = [*preset_layers(preset, stage), here]
+        found.append(settle(stage_named(stage).config_type(), layers, what="the benchmark"))
+    return found[0], found[1]
+
+
+def peak_mb(case: Case, preset: str, load: Load, threads: int) -> float:
+    """Memory that two steps of a case take: on a GPU its own peak, on a CPU this (fresh) process's, less what it had
+    before the networks were made."""
+    torch.set_num_threads(threads)
+    before = resident_mb()[0]
+    if load.device.type == "cuda":
+        torch.cuda.reset_peak_memory_stats(load.device)
+    step = build(case, load, *settings_of(preset))
+    step()
+    step()
+    if load.device.type == "cuda":
+        return torch.cuda.max_memory_allocated(load.device) / 1e6
+    return resident_mb()[1] - before
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """All figures, by name."""
+    device = choose_device(options.device)
+    ae, lms = settings_of(options.preset)
+    load = Load(options.batch or ae.batch, ae.window, ae.points, device)
+    cases = cases_of(options.preset, ae, options.compile)
+    steps = {case.name: build(case, load, ae, lms) for case in cases}
+    if options.authors:
+        make_step = runpy.run_path(options.authors)["make_step"]
+        for layers in sorted({case.layers for case in cases if case.layers}):
+            steps[f"authors, {layers} layers"] = make_step(load.sequences, load.frames, load.points, layers)
+    first = {name: seconds_of(step, device) for name, step in steps.items()}  # warm-up; with --compile, compilation
+    meters = limits(device)
+    seconds: dict[str, list[float]] = {name: [] for name in steps}
+    rates: dict[str, list[float]] = {name: [] for name in meters}
+    for _ in range(options.rounds):
+        for name, meter in meters.items():
+            rates[name].append(meter())
+        for name, step in steps.items():
+            seconds[name].append(seconds_of(step, device))
+    rows = []
+    for case in cases:
+        step, times = steps[case.name], seconds[case.name]
+        gflop, gb = (None, None) if case.compiled else work_of(step)
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as fresh:
+            memory = fresh.submit(peak_mb, case, options.preset, load, torch.get_num_threads()).result()
+        share, largest = share_in_products(step, device)
+        row = {"name": case.name, **asdict(case), "first_s": first[case.name], "least_s": min(times)}
+        row |= {"median_s": statistics.median(times), "gflop": gflop, "gb": gb, "peak_mb": memory}
+        row |= {"share_in_products": share, "largest": largest, "waits": waits_in(step, device)}
+        rows.append(row | {"authors_s": _authors_s(case, load, seconds)})
+    return {
+        "preset": options.preset,
+        "device": device.type,
+        "machine": name_of(device),
+        "threads": torch.get_num_threads(),
+        "torch": torch.__version__,
+        "sequences": load.sequences,
+        "frames": load.frames,
+        "points": load.points,
+        "rounds": options.rounds,
+        "limits": {name: max(values) for name, values in rates.items()},
+        "authors_measured_here": bool(options.authors),
+        "cases": rows,
+    }
+
+
+def _authors_s(case: Case, load: Load, seconds: dict[str, list[float]]) -> float | None:
+    """What the authors' code takes for the same: timed here, or as measured on two CPU cores at that load."""
+    here = seconds.get(f"authors, {case.layers} layers")
+    if here:
+        return min(here)
+    if (load.sequences, load.frames, load.points) != AUTHORS_LOAD or load.device.type != "cpu":
+        return None
+    return AUTHORS_ENCODER_S if case.kind == "encoder" else AUTHORS_STEP_S.get(case.layers)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--preset", default="paper")
+    parser.add_argument("--batch", type=int, default=2, help="sequences in a step; 0 for the preset's own")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--authors", default="", help="a Python file with make_step (see above)")
+    parser.add_argument("--compile", action="store_true", help="one more case, with torch.compile")
+    parser.add_argument("--json", action="store_true", help="one line of numbers")
+    parser.add_argument("--page", type=Path, help="a page to write the tables into, between its markers")
+    options = parser.parse_args()
+    figures = measure(options)
+    if options.json:
+        print(json.dumps(figures))
+        return
+    print(report(figures))
+    if options.page:
+        write_page(options.page, figures)
+        print(f"Written into {options.page}.", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
