@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -19,6 +20,7 @@ from data_schemas.hdf5_arrays import group_in
 from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact, read_newest
 from data_schemas.migrations import migrated_folder
+from data_schemas.quality import MotionQuality
 
 CLIPS_NAME = "clips.parquet"
 SPLITS = ("train", "val", "test")
@@ -36,6 +38,7 @@ class ClipRow:
     split:    "train", "val" or "test".
     licence:  of the source.
     flags:    what was done to it at ingest, words separated by spaces.
+    quality:  what ingest measured of it; each figure is a column of its own.
     """
 
     clip: str
@@ -48,20 +51,33 @@ class ClipRow:
     split: str
     licence: str
     flags: str = ""
+    quality: MotionQuality = field(default_factory=MotionQuality)
 
 
+_TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "str": pa.string()}
+_FIELDS = [each for each in fields(ClipRow) if each.name != "quality"]
 _INDEX = pa.schema(
     [
-        pa.field(name, {"int": pa.int64(), "float": pa.float64()}.get(kind, pa.string()), nullable=False)
-        for name, kind in ((f.name, str(f.type)) for f in fields(ClipRow))
+        pa.field(each.name, _TYPES[str(each.type).removesuffix(" | None")], nullable="None" in str(each.type))
+        for each in (*_FIELDS, *fields(MotionQuality))
     ]
 )
 
 
+def index_table(rows: Sequence[ClipRow]) -> pa.Table:
+    """The index as a table: one row a clip, the figures of its quality as columns."""
+    flat = [{f.name: getattr(row, f.name) for f in _FIELDS} | asdict(row.quality) for row in rows]
+    return pa.Table.from_pylist(flat, schema=_INDEX)
+
+
+def _row_of(values: dict[str, Any]) -> ClipRow:
+    quality = MotionQuality(**{each.name: values.pop(each.name) for each in fields(MotionQuality)})
+    return ClipRow(**values, quality=quality)
+
+
 def write_clips(folder: Path, rows: list[ClipRow]) -> None:
     """Write the index `clips.parquet` into `folder`, rows in the order given."""
-    table = pa.Table.from_pylist([asdict(row) for row in rows], schema=_INDEX)
-    pq.write_table(table, folder / CLIPS_NAME, compression="zstd")
+    pq.write_table(index_table(rows), folder / CLIPS_NAME, compression="zstd")
 
 
 def read_clips(folder: Path) -> tuple[ClipRow, ...]:
@@ -72,7 +88,7 @@ def read_clips(folder: Path) -> tuple[ClipRow, ...]:
         missing = sorted(set(_INDEX.names) - set(table.column_names))
         if missing:
             raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")
-        rows = tuple(ClipRow(**row) for row in table.select(_INDEX.names).cast(_INDEX).to_pylist())
+        rows = tuple(_row_of(row) for row in table.select(_INDEX.names).cast(_INDEX).to_pylist())
     names: set[str] = set()
     for row in rows:
         fault = _fault_of(row) or (f"names the clip {row.clip!r} twice" if row.clip in names else None)

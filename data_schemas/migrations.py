@@ -10,6 +10,7 @@ import os
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 
 import pyarrow as pa
@@ -18,6 +19,7 @@ import pyarrow.parquet as pq
 from data_schemas.errors import InputError
 from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact
+from data_schemas.quality import MotionQuality
 
 Migration = Callable[[Path, Path], None]
 
@@ -67,4 +69,21 @@ def _motion_0_to_1(source: Path, target: Path) -> None:
     pq.write_table(table.append_column("flags", flags), target / "clips.parquet")
 
 
-MIGRATIONS: dict[tuple[str, int], Migration] = {("motion", 0): _motion_0_to_1}
+def _clips_1_to_2(source: Path, target: Path) -> None:
+    """Version 2 has columns for what was measured of a clip's quality; nothing was of older ones."""
+    for path in source.iterdir():
+        if path.name != "clips.parquet":
+            carry_over(source, target, path.name)
+    table = pq.ParquetFile(source / "clips.parquet").read()
+    for name, value in asdict(MotionQuality()).items():
+        kind = pa.float64() if value is None else None
+        table = table.append_column(name, pa.array([value] * table.num_rows, kind))
+    pq.write_table(table, target / "clips.parquet")
+
+
+MIGRATIONS: dict[tuple[str, int], Migration] = {
+    ("motion", 0): _motion_0_to_1,
+    ("motion", 1): _clips_1_to_2,
+    ("tpc", 1): _clips_1_to_2,
+    ("latent", 1): _clips_1_to_2,
+}

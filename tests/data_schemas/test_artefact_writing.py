@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from data_schemas.artefact import open_artefact, partial_folder, verify, write_artefact
 from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.kinds import KINDS
 from data_schemas.version import PUMPS_VERSION
 from tests.data_schemas.examples import write_motion, write_text_artefact
 
@@ -19,7 +20,11 @@ from tests.data_schemas.examples import write_motion, write_text_artefact
 def test_manifest_says_how_it_was_made(tmp_path):
     artefact = write_motion(tmp_path / "m")
     manifest = artefact.manifest
-    assert (manifest.kind, manifest.schema_version, manifest.stage) == ("motion", 1, "ingest")
+    assert (manifest.kind, manifest.schema_version, manifest.stage) == (
+        "motion",
+        KINDS["motion"].schema_version,
+        "ingest",
+    )
     assert manifest.created_by == f"pumps {PUMPS_VERSION}"
     assert manifest.config == {"seed": 0}
     assert manifest.licences == ["zlib"]
