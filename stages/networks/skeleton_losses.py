@@ -43,19 +43,26 @@ def roll_loss(rotations: Tensor, body: RigBody, valid: Tensor | None = None) -> 
     return _mean(share.mean(-1), valid)
 
 
-def end_bones(parents: np.ndarray, groups: np.ndarray, weights: np.ndarray) -> list[int]:
-    """The last seen bone of each body group (head, hands, feet or toes), -1 where a group has none.
+def end_bones(parents: np.ndarray, groups: np.ndarray, tails: np.ndarray, weights: np.ndarray) -> list[int]:
+    """Bones that begin where head, hands and feet do, for each body group; -1 where a group has none.
+
+    That of a limb hangs on the lower one of its two longest bones, so that toes or none make no difference; the
+    spine's last bone is the head.
 
     Args:
-        parents: (B,), -1 for the root and for unused rows. groups: (B,). weights: (B,), 0 for bones not seen.
+        parents: (B,), -1 for the root and for unused rows, parents before children. groups: (B,). tails: (B, 3).
+        weights: (B,), 0 for bones not seen.
     """
-    depth = np.zeros(len(parents), int)
-    for bone, parent in enumerate(parents):
-        depth[bone] = 0 if parent < 0 else depth[parent] + 1
+    lengths = np.linalg.norm(tails, axis=1)
     ends = []
     for group in range(GROUPS):
         mine = np.flatnonzero((np.asarray(groups) == group) & (np.asarray(weights) > 0))
-        ends.append(int(mine[np.argmax(depth[mine])]) if len(mine) else -1)
+        if group == 0 or len(mine) == 0:
+            ends.append(int(mine[-1]) if len(mine) else -1)
+            continue
+        lower = max(mine[np.argsort(-lengths[mine], kind="stable")[:2]])
+        below = np.flatnonzero(np.asarray(parents) == lower)
+        ends.append(int(below[0]) if len(below) else -1)
     return ends
 
 

@@ -30,7 +30,7 @@ _SIGMA_M = 0.05  # of clouds to validate with, as PC-MRL 4.2 has it
 @dataclass
 class SourceBatch:
     """points (B, T, P, 3) metres, groups (B, P), sigma (B,), valid (B, T); heads (B, T, J, 3) of the source's bones
-    in the same place; ends (B, T, 5, 3) the last bone of each group and has_end (B, 5) whether there is one."""
+    in the same place; ends (B, T, 5, 3) where head, hands and feet begin and has_end (B, 5) whether there is one."""
 
     points: Tensor
     groups: Tensor
@@ -51,7 +51,7 @@ class SkeletonTask:
         torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
         self.networks = SkeletonNetwork(rig.body, config.encoder, config.network).to(device)
         body = rig.body
-        self.ends = end_bones(body.parents, body.groups.numpy(), body.weights.numpy())
+        self.ends = end_bones(body.parents, body.groups.numpy(), body.tails.numpy(), body.weights.numpy())
         rng = np.random.default_rng((config.seed, 7))
         windows = held_back.draw(_HELD_BACK, config.window, rng, augment=False)
         self.own = is_of_rig(windows, rig)
@@ -81,7 +81,7 @@ class SkeletonTask:
         heads = (windows.heads - centre) @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
         rows = [
             end_bones(*(part.numpy() for part in parts))
-            for parts in zip(windows.parents, windows.groups, windows.weights, strict=True)
+            for parts in zip(windows.parents, windows.groups, windows.tails, windows.weights, strict=True)
         ]
         ends = torch.tensor(rows)  # (B, 5), by the groups before mirroring
         flipped = torch.linalg.det(cloud.turn) < 0

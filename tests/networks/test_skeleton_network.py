@@ -161,11 +161,33 @@ def test_the_roll_loss_is_sin_squared_of_half_the_roll(body, angle):
     assert loss.item() == pytest.approx(np.sin(angle / 2) ** 2, abs=1e-3)
 
 
-def test_end_bones_and_their_loss(body):
-    ends = end_bones(body.parents, body.groups.numpy(), body.weights.numpy())
-    names = [humanoid().names[body.joints[end]] for end in ends]
-    assert names == ["head", "left_hand", "right_hand", "left_shin", "right_shin"]
-    assert end_bones(np.array([-1]), np.array([0]), np.array([1.0])) == [0, -1, -1, -1, -1]
+def test_end_bones_are_where_head_hands_and_feet_begin():
+    """With toes and without, with an offset joint at the hip: the ankle."""
+    names = [
+        "hips",
+        "head",
+        "hip",
+        "thigh",
+        "shin",
+        "foot",
+        "toe",
+        "left_hip",
+        "left_thigh",
+        "left_shin",
+        "arm",
+        "fore",
+    ]
+    parents = np.array([-1, 0, 0, 2, 3, 4, 5, 0, 7, 8, 0, 10])
+    groups = np.array([0, 0, 4, 4, 4, 4, 4, 3, 3, 3, 1, 1])
+    tails = np.zeros((12, 3))
+    tails[:, 1] = [0.1, 0.2, 0.1, 0.4, 0.4, 0.2, 0.05, 0.1, 0.4, 0.4, 0.3, 0.3]
+    found = end_bones(parents, groups, tails, np.ones(12))
+    assert [names[end] if end >= 0 else None for end in found] == ["head", None, None, None, "foot"]
+    left_foot = end_bones(np.append(parents, 9), np.append(groups, 3), np.vstack([tails, [0, 0.1, 0]]), np.ones(13))
+    assert left_foot == [1, -1, -1, 12, 5]
+
+
+def test_the_end_effector_loss_sums_pairs_and_means_time():
     one = torch.zeros(2, 3, 5, 3)
     two = torch.zeros(2, 3, 5, 3)
     two[0, :, 1, 0], two[1, 2, 4, 1] = 0.5, 3.0

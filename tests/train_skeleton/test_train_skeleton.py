@@ -50,12 +50,21 @@ def config_for(clouds: Path, output: Path, **changes) -> Config:
 
 
 def test_it_learns_clouds_of_another_skeleton(clouds, tmp_path):
-    report = run(config_for(clouds, tmp_path / "net", steps=40, learning_rate=5e-3, average=0.9, end_weight=0.1))
+    report = run(config_for(clouds, tmp_path / "net", steps=60, learning_rate=5e-3, average=0.9, augment=False))
     log = read_checkpoint(tmp_path / "net").log
     found = [row["knn_mm"] for row in log if row["split"] == "val"]
     floor = next(row["reference_mm"] for row in log if row["split"] == "val")
     assert report.figures["finished"] and floor < found[-1] < 0.93 * found[0]
-    assert {"knn", "shape", "velocity", "unit", "roll", "end"} <= set(next(r for r in log if r["split"] == "train"))
+
+
+def test_every_term_is_logged_and_turned_off_by_its_weight(clouds, tmp_path):
+    run(config_for(clouds, tmp_path / "all", steps=2, end_weight=0.1, back_weight=0.5))
+    run(config_for(clouds, tmp_path / "few", steps=2, shape_weight=0, velocity_weight=0, roll_weight=0))
+    every, few = (
+        set(next(row for row in read_checkpoint(tmp_path / name).log if row["split"] == "train"))
+        for name in ("all", "few")
+    )
+    assert every - few == {"shape", "velocity", "roll", "end", "back"} and {"knn", "unit"} <= few
 
 
 def test_the_checkpoint_carries_the_rig_and_the_licences(clouds, tmp_path):
