@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from stages.config import StageReport
 
 COULD_NOT = 1
+# What a line is about -> how a terminal shows it: left green and blue, right red and yellow, as sailors have it.
+TINTS = {
+    "spine": "bold", "left_arm": "green", "right_arm": "red", "left_leg": "cyan", "right_leg": "yellow",
+    "faint": "dim", "problem": "bold magenta",
+}  # fmt: skip
 INTERRUPTED = 130
 
 
@@ -67,8 +72,20 @@ def _fail(manner: Manner, message: str, hint: str | None, code: int) -> None:
 
 
 def show_report(manner: Manner, report: StageReport) -> None:
-    """Print a stage's report: its lines for a person, or all of it as one JSON object."""
-    show(manner, lambda: report.lines, lambda: report.model_dump(mode="json"))
+    """Print a stage's report: its lines for a person, coloured on a terminal, or all of it as one JSON object."""
+    if report.tints and sys.stdout.isatty() and not (manner.json or manner.quiet):
+        _print_tinted(report)
+    else:
+        show(manner, lambda: report.lines, lambda: report.model_dump(mode="json"))
+
+
+def _print_tinted(report: StageReport) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False, soft_wrap=True)  # which heeds NO_COLOR and dumb terminals
+    for index, line in enumerate(report.lines):
+        console.print(Text(line, style=TINTS.get(report.tints.get(index, ""), "")))
 
 
 def show(manner: Manner, lines: Callable[[], list[str]], data: Callable[[], object]) -> None:

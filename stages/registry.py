@@ -205,8 +205,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "inspect", ("inspect",), "stages.inspect_file",
-        "Tell what a motion file holds: skeleton, body groups, unit, rate, problems.",
-        ("BVH",), "", "pumps inspect walk.bvh",
+        "Tell what a motion file holds: skeleton, body groups, pairs, unit, facing, rate, problems.",
+        ("any format",), "", "pumps inspect walk.bvh",
         arguments=("path",), pipeline=False,
     ),
     Stage(

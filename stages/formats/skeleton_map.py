@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -60,6 +60,21 @@ class SkeletonMap:
 def read_skeleton_map(path: Path) -> SkeletonMap:
     """The map in a file. Its faults are kept for `choose_map`. Raises InputError where it is missing or no TOML."""
     return map_of_values(read_toml(path, what="skeleton map", option="--skeleton-map"), str(path))
+
+
+def read_skeleton_maps(paths: Sequence[Path]) -> tuple[SkeletonMap, ...]:
+    """Maps for several rigs. Raises InputError for the first one that is faulty in itself."""
+    maps = tuple(read_skeleton_map(path) for path in paths)
+    for each in maps:
+        if each.faults:
+            raise _error(each, each.faults)
+    return maps
+
+
+def unused_maps(maps: Sequence[SkeletonMap], rigs: Iterable[Sequence[str]]) -> list[str]:
+    """A sentence on each map that none of the rigs, given by their joints' names, took."""
+    taken = {chosen.name for names in rigs if (chosen := choose_map(maps, names)) is not None}
+    return [f"{each.name} fits none of the rigs that were read." for each in maps if each.name not in taken]
 
 
 def map_of_values(values: dict[str, Any], name: str) -> SkeletonMap:

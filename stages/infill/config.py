@@ -25,5 +25,8 @@ class Config(DeviceConfig):
     )
     weights: str = Field("tiny", description="A shipped set of weights by name, or a folder that holds ae and lms.")
     fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.")
+    skeleton_map: Path | None = Field(
+        None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
+    )
     points: int = Field(256, description="Points of the cloud.")
     overwrite: bool = Field(False, description="Replace an output that exists.")

@@ -14,6 +14,7 @@ from stages.config import StageReport
 from stages.formats.bvh import BvhFile, read_bvh
 from stages.formats.bvh_motion import motion_of, rate_of
 from stages.formats.bvh_write import write_bvh
+from stages.formats.skeleton_map import choose_map, read_skeleton_map
 from stages.inference.filling import Filled, fill_motion
 from stages.inference.models import Models, load_weights
 from stages.infill.config import Config
@@ -47,7 +48,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     key_file = bvh.select(request.key_rows)
     _check_keys_are_read(bvh, key_file.values, request)
     progress.start("filling", 3)
-    skeleton, key_motion, notes = motion_of(key_file, fps_override=config.fps_override)
+    maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
+    choose_map(maps, [joint.name for joint in bvh.joints], must_fit=bool(maps))
+    skeleton, key_motion, notes = motion_of(key_file, fps_override=config.fps_override, skeleton_maps=maps)
     models = load_weights(config.weights, config.device)
     progress.advance(note="weights")
     region = _region_of(request, models.window, key_motion.fps)

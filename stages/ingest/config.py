@@ -32,6 +32,11 @@ class Config(StageConfig):
     skeleton: str | None = Field(
         None, description="Skeleton of files that hold none: an ASF for AMC, a BVH or a list's name for positions."
     )
+    skeleton_map: tuple[Path, ...] = Field(
+        (),
+        description="TOML that says which joints of a rig are which part of the body (`pumps inspect FILE --map`);"
+        " each rig takes the one that fits its joints.",
+    )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
     licence: str | None = Field(None, description="Licence of the sources, where they do not say it themselves.")
     rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")

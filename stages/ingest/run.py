@@ -16,10 +16,11 @@ from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.config import StageReport
 from stages.formats.archives import archive_suffix
-from stages.formats.joint_lists import LISTS
 from stages.formats.readers import suffixes_of
 from stages.formats.recording import Asked, Recording
-from stages.formats.sources import Source, find_sources, source_named
+from stages.formats.rig_option import rig_named
+from stages.formats.skeleton_map import read_skeleton_maps, unused_maps
+from stages.formats.sources import Source, find_sources
 from stages.ingest.config import Config
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
@@ -46,6 +47,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     clips = _ClipNames()
     rows: list[ClipRow] = []
     table: list[SourceRow] = []
+    rigs: set[tuple[str, ...]] = set()
     progress.start("Reading recordings", total=sum(source.size for source in sources) / 1e6)
     with (
         write_artefact(config.output, "motion", stage="ingest", config=config, inputs=_inputs(config)) as draft,
@@ -58,28 +60,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             made = _store(writer, outcome, job, clips, assigned, config.licence)
             rows += made
             table.append(_source_row(outcome, made))
+            rigs |= {recording.skeleton.names for recording in outcome.recordings}
         if not rows:
             bad = next((row.reason for row in table if row.outcome == "skipped"), table[0].reason)
             raise InputError(f"None of the {len(table)} recordings could be used. The first: {bad}")
         write_sources(draft.folder, table)
         draft.licences |= {row.licence for row in rows}
-        draft.summary |= _summary(table, rows, assigned.notes)
-    return _report(config, table, rows, assigned.notes)
+        notes = [*assigned.notes, *unused_maps(asked.skeleton_maps, rigs)]
+        draft.summary |= _summary(table, rows, notes)
+    return _report(config, table, rows, notes)
 
 
 def _asked(config: Config) -> Asked:
     """What holds for all sources."""
-    rig, rig_name = b"", ""
-    if config.skeleton is not None and config.skeleton in LISTS:
-        rig_name = config.skeleton
-    elif config.skeleton is not None:
-        source = source_named(config.skeleton)
-        rig, rig_name = source.read(), source.name
+    rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
     if config.body_models is not None and not config.body_models.is_dir():
         raise UsageError(
             f"--body-models {config.body_models} is no folder.", "It holds smplh/male/model.npz and so on."
         )
-    return Asked(None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models)
+    return Asked(
+        None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
+        read_skeleton_maps(config.skeleton_map),
+    )  # fmt: skip
 
 
 def _store(
@@ -196,6 +198,7 @@ def _inputs(config: Config) -> list[Path]:
             paths += [Path(match) for match in sorted(glob.glob(text, recursive=True)) if Path(match).is_file()]
         elif "!" in text:
             paths.append(Path(text.split("!", 1)[0]))
+    paths += config.skeleton_map
     if config.splits:
         paths.append(config.splits)
     else:

@@ -194,7 +194,7 @@ def _rest_name(rest: np.ndarray, parts: BodyParts) -> str:
     up = trunk / np.linalg.norm(trunk)
     if min(-leg @ up for leg in legs) < _UPRIGHT or max(abs(up @ np.eye(3)[axis]) for axis in range(3)) < _UPRIGHT:
         return "no human pose"
-    across = rest[chains[LEFT_ARM][0]] - rest[chains[RIGHT_ARM][0]]
+    across = rest[chains[LEFT_ARM][:2][-1]] - rest[chains[RIGHT_ARM][:2][-1]]
     aside = [float(arm @ across) / max(float(np.linalg.norm(across)), 1e-9) for arm in arms]
     if aside[0] * aside[1] > 0.25:
         return "no human pose"  # both arms to one side
