@@ -22,7 +22,8 @@ from stages.networks.synthesiser import key_distance, place_in_gap
 from stages.pointcloud.heading import across_of, turned, yaw_quaternions
 
 _FAR_FRAMES = 15.0  # from here on, a missing frame's residual is at its full size
-_FAR_M = 0.3  # the size of a root's residual there, metres
+_FAR_M = 0.1  # the size of a root's residual there, metres
+_FAR_RAD = 0.1  # and of a bone's, radians: steps of training that are small beside what a plain interpolation misses
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ class PoseInterpolator(nn.Module):
         residual = residual.float() * torch.where(known.unsqueeze(-1), 0, far)
         # The further residual by `far` makes a root's error grow with the square of the distance to the key.
         roots = roots + _FAR_M * far * residual[..., :3]
-        turns = roma.rotvec_to_unitquat(residual[..., 3:].unflatten(-1, (-1, 3)))
+        turns = roma.rotvec_to_unitquat(_FAR_RAD * residual[..., 3:].unflatten(-1, (-1, 3)))
         offsets = roma.quat_product(turns, offsets)
         first = roma.quat_product(facing[:, 0], rotations[:, 0])
         made = rotations_from_offsets(offsets, first)
