@@ -152,7 +152,7 @@ table2: install
 
 table2-rows: configure
 	@$(MAKE) --no-print-directory $(R)/measure-ae/manifest.json
-	@cat $(R)/measure-ae/data-*/summary.md
+	@$(PUMPS) results $(R)/measure-ae
 
 .PRECIOUS: $(R)/rows/%/manifest.json
 $(R)/rows/%/manifest.json: $(C)/train-ae.toml $(R)/sample-tpc/manifest.json
@@ -175,7 +175,7 @@ latent-report: install
 
 latents: configure
 	@$(MAKE) --no-print-directory $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json
-	@cat $(R)/latents-$(notdir $(LATENT_WEIGHTS))/data-*/summary.md
+	@$(PUMPS) results $(R)/latents-$(notdir $(LATENT_WEIGHTS))
 
 $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.json
 	$(PUMPS) measure latents --motion $(R)/ingest --weights $(LATENT_WEIGHTS) -o $(@D) \
@@ -208,7 +208,7 @@ pcmrl-table2: install $(Q)/bandai-to-cmu/table2/manifest.json $(Q)/cmu-to-bandai
 pcmrl-table3: install $(Q)/bandai-to-cmu/table3/manifest.json $(Q)/cmu-to-bandai/table3/manifest.json
 	@cat $(Q)/*/table3/data-*/summary.md
 
-.PRECIOUS: $(Q)/%/manifest.json
+.PRECIOUS: $(Q)/%/ingest/manifest.json $(Q)/%/tpc/manifest.json $(Q)/%/citl/manifest.json
 $(Q)/%/ingest/manifest.json:
 	$(PUMPS) ingest bvh $(PCMRL_SOURCES_$*) $(call of_stage,ingest) --splits $(SHARED_DATA)/splits.json --fps-override '*salsa*=60' -o $(@D)
 $(Q)/%/tpc/manifest.json: $(Q)/%/ingest/manifest.json

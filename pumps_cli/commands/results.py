@@ -20,15 +20,18 @@ def results(
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> None:
-    """Print the table of a metrics artefact."""
+    """Print the table of a metrics artefact; of one that measures no filling, its whole page."""
     # Only now: the modules behind these names are slow to load, and help must not wait for them.
     from dataclasses import asdict
 
     from data_schemas.manifest import open_artefact
     from data_schemas.metrics import read_metrics
+    from stages.statistics.figures import METRICS
     from stages.statistics.tables import cells, terminal_lines
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with told(manner, "pumps results"):
-        rows, _ = read_metrics(open_artefact(metrics, "metrics"))
-        show(manner, lambda: terminal_lines(cells(rows)), lambda: [asdict(row) for row in rows])
+        rows, page = read_metrics(open_artefact(metrics, "metrics"))
+        filling = all(row.metric in METRICS for row in rows)
+        text = (lambda: terminal_lines(cells(rows))) if filling else page.splitlines
+        show(manner, text, lambda: [asdict(row) for row in rows])

@@ -94,7 +94,7 @@ class _Book:
         self.middle = self.all.mean(0)
         # Root-mean-square distance of two frames drawn at random: from anywhere, and from the same window.
         self.apart = _apart(self.all)
-        self.apart_within = [_apart(base.latents) for base in bases]
+        self.apart_within = float(np.sqrt(np.mean([_apart(base.latents) ** 2 for base in bases])))
 
 
 def _apart(latents: Tensor) -> float:
@@ -179,7 +179,7 @@ def _figures(
     means = len(changed.clouds) > 1
     from_, anywhere = (base.mean_latents, book.all_means) if means else (base.latents, book.all)
     moved = float((latents - from_).square().sum(-1).mean().sqrt())
-    figures = {"move_window": moved / book.apart_within[number], "move_any": moved / book.apart}
+    figures = {"move_window": moved / book.apart_within, "move_any": moved / book.apart}
     centred, before = latents - book.middle, from_ - book.middle
     figures["cosine"] = float(torch.nn.functional.cosine_similarity(centred, before, dim=-1).mean())
     nearest = torch.cdist(latents, from_).argmin(1)

@@ -29,7 +29,8 @@ _COLUMNS = (
 _LEGEND = (
     "Means over clips, with a 95% bootstrap interval over clips where one is given. **Move**: root-mean-square "
     "distance of a frame's latent from the same frame's before the change, as a share of the distance of two frames "
-    "drawn at random from the same window, or from anywhere. **Cosine**: of the two latents, less the mean of all. "
+    "drawn at random from one window (whichever), or from anywhere. **Cosine**: of the two latents, less the mean of "
+    "all. "
     "**Frames off**: how far in time the nearest of the window's own latents is; **within a frame**: share of "
     "frames where it is at most one off; **in its window**: share whose nearest latent of all windows is in the "
     "right one. **Decoded**: mean distance of matched pairs between the cloud decoded from the changed latents and "

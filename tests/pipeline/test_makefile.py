@@ -24,6 +24,8 @@ FIELDS = {
 class Run:
     """`make fill` in a folder of its own, on a data folder of its own, with stages that only leave targets."""
 
+    target = "fill"
+
     def __init__(self, folder: Path):
         self.data = folder / "data"
         self.data.mkdir()
@@ -38,7 +40,7 @@ class Run:
         self.log.write_text("")
         fake = f"{sys.executable} {Path(__file__).parent / 'fake_pumps.py'}"
         command = [
-            "make", "fill", *flags,
+            "make", self.target, *flags,
             f"PUMPS={fake}", f"RUNS={self.runs}", "RUN=it", f"DATA={self.data}", "PRESET=tiny",
             f"SET={' '.join(settings)}",
         ]  # fmt: skip
