@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from data_schemas.errors import UsageError
+
+_Item = TypeVar("_Item")
 
 
 class StageConfig(BaseModel):
@@ -20,6 +25,26 @@ class DeviceConfig(StageConfig):
     """A stage that runs a network."""
 
     device: str = Field("auto", description="Where to compute: auto, cpu, cuda or mps.")
+
+
+class ShardedConfig(StageConfig):
+    """A stage over many files or clips, which several machines may share."""
+
+    shard: str | None = Field(
+        None, description="Do one part alone, as 2/5 for the second of five; `pumps artefact merge` joins the parts."
+    )
+
+    def share_of(self, items: Sequence[_Item]) -> tuple[_Item, ...]:
+        """The items of this part: every n-th, so that parts weigh alike; all of them where there are no parts.
+
+        Raises: UsageError for a part that cannot be.
+        """
+        if self.shard is None:
+            return tuple(items)
+        part, _, parts = self.shard.partition("/")
+        if not (part.isdecimal() and parts.isdecimal() and len(self.shard) < 20 and 1 <= int(part) <= int(parts)):
+            raise UsageError(f"--shard {self.shard} is no part of a whole.", "Give 1/3, 2/3 or 3/3, for example.")
+        return tuple(items[int(part) - 1 :: int(parts)])
 
 
 class StageReport(BaseModel):

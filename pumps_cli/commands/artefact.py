@@ -1,4 +1,4 @@
-"""`pumps artefact`: what an artefact is, whether it is as it was written, and what it was made from."""
+"""`pumps artefact`: what an artefact is, whether it is as it was written, what it was made from; several into one."""
 
 from __future__ import annotations
 
@@ -64,6 +64,25 @@ def draw_lineage(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = Fal
     with told(manner, "pumps artefact lineage"):
         tree = lineage(path)
         show(manner, lambda: list(_drawing(tree)), lambda: _as_data(tree))
+
+
+@app.command("merge", epilog="Example: pumps artefact merge part-1 part-2 part-3 -o whole")
+def merge(
+    paths: Annotated[list[Path], typer.Argument(help="Artefacts of clips, of one kind.", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the artefact to write.")],
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    debug: Debug = False,
+) -> None:
+    """Make one artefact of several: motions, clouds or latents that were made by parts (--shard)."""
+    from data_schemas.merging import merge_artefacts
+
+    manner = Manner(quiet=quiet, json=as_json, debug=debug)
+    with told(manner, "pumps artefact merge"):
+        rows = merge_artefacts(paths, output)
+        figures = {"clips": len(rows), "frames": sum(row.frames for row in rows), "output": str(output)}
+        line = f"{output}: {len(rows)} clips, {figures['frames']} frames of {len(paths)} artefacts."
+        show(manner, lambda: [_plain(line)], lambda: figures)
 
 
 def _description(artefact: Artefact) -> Iterator[str]:

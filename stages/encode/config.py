@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.config import DeviceConfig
+from stages.config import DeviceConfig, ShardedConfig
 
 
-class Config(DeviceConfig):
+class Config(DeviceConfig, ShardedConfig):
     """Encode every frame of a `tpc` artefact into a `latent` artefact."""
 
     tpc: Path = Field(description="The tpc artefact.")

@@ -23,14 +23,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     frames = 0
     with TpcReader(config.tpc) as reader:
         inputs = [reader.artefact, open_artefact(config.ae, "checkpoint")]
-        progress.start("encoding", sum(row.frames for row in reader.clips))
+        rows = config.share_of(reader.clips)
+        progress.start("encoding", sum(row.frames for row in rows))
         with (
             write_artefact(
                 config.output, "latent", stage="encode", config=config.model_dump(mode="json"), inputs=inputs
             ) as draft,
             LatentWriter(draft.folder, encoder_digest=autoencoder.digest) as writer,
         ):
-            for row in reader.clips:
+            for row in rows:
                 points, groups = reader.points(row.clip)
                 if config.points:
                     points, groups = points[:, : config.points], groups[: config.points]
@@ -39,12 +40,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 writer.add(row, latents.cpu().numpy().astype(width), centroids.cpu().numpy())
                 frames += row.frames
                 progress.advance(row.frames)
-            draft.summary.update(clips=len(reader.clips), frames=frames)
+            draft.summary.update(clips=len(rows), frames=frames)
         return StageReport(
             output=config.output,
             lines=[
-                f"Encoded {frames} frames of {len(reader.clips)} clips, "
-                f"each into {autoencoder.encoder.latent_width} numbers."
+                f"Encoded {frames} frames of {len(rows)} clips, each into {autoencoder.encoder.latent_width} numbers."
             ],
-            figures={"clips": len(reader.clips), "frames": frames},
+            figures={"clips": len(rows), "frames": frames},
         )

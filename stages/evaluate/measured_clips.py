@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from data_schemas.clip_filter import clips_where
 from data_schemas.errors import InputError
 from data_schemas.motion import ClipRow, MotionReader
 from data_schemas.skeleton import Motion, Skeleton
@@ -44,14 +45,15 @@ class MeasuredClips:
     An archive of which no clip was trained on is measured on all its clips, where the test split is wanted.
     """
 
-    def __init__(self, reader: MotionReader, splits: Sequence[str]):
+    def __init__(self, reader: MotionReader, splits: Sequence[str], where: str | None = None):
         self._reader = reader
         self._cache: dict[str, Motion] = {}
         trained = {archive_of(row) for row in reader.clips if row.split == "train"}
         held_out = {archive_of(row) for row in reader.clips} - trained if "test" in splits else set()
-        rows = [row for row in reader.clips if row.split in splits or archive_of(row) in held_out]
+        chosen = clips_where(reader.clips, where)
+        rows = [row for row in chosen if row.split in splits or archive_of(row) in held_out]
         if not rows:
-            found = ", ".join(f"{count} {split}" for split, count in Counter(r.split for r in reader.clips).items())
+            found = ", ".join(f"{count} {split}" for split, count in Counter(r.split for r in chosen).items())
             raise InputError(
                 f"{reader.artefact.path} has no clip of the split {' or '.join(splits)}.",
                 f"It holds {found or 'no clips'}; name one of these with --splits.",

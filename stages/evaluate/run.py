@@ -79,7 +79,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     motion = open_artefact(config.motion, "motion")
     with MotionReader(motion) as reader:
-        clips = MeasuredClips(reader, config.splits)
+        clips = MeasuredClips(reader, config.splits, config.where)
         plan = _plan(clips, config)
         loaded = load_all(config)
         statistics = _Statistics(clips)

@@ -43,6 +43,7 @@ class Recording:
 
     part:    its name inside a file that holds several, else "".
     notes:   what was odd and was mended, one sentence each. remarks: what was taken as given, since no file says it.
+    repaired_frames: frames with numbers that were none, filled in from their neighbours.
     """
 
     skeleton: Skeleton
@@ -50,6 +51,7 @@ class Recording:
     part: str = ""
     notes: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    repaired_frames: int = 0
 
 
 def recording_of(

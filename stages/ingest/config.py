@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.config import StageConfig
+from stages.config import ShardedConfig
 
 
-class Config(StageConfig):
+class Config(ShardedConfig):
     """Read recordings into one `motion` artefact."""
 
     sources: tuple[str, ...] = Field(

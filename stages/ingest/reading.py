@@ -12,9 +12,12 @@ from dataclasses import dataclass, field
 from multiprocessing.context import BaseContext
 
 from data_schemas.errors import InputError, PumpsError
+from data_schemas.quality import MotionQuality
+from stages.formats.bvh_motion import places_of
 from stages.formats.readers import AUTO, format_named, read_recordings, recognise
 from stages.formats.recording import Asked, Recording
 from stages.formats.sources import Source
+from stages.kinematics.motion_quality import measure_quality
 
 LEAST_FRAMES = 2
 _BATCH_BYTES = 2 << 20
@@ -35,6 +38,7 @@ class Outcome:
     """What became of a source: `status` is one of `data_schemas.source_table.OUTCOMES`.
 
     format: how it was read, "" where it was not recognised. notes: why, a sentence each. hint: the mend.
+    qualities: of the recordings, one each.
     """
 
     source: Source
@@ -44,6 +48,7 @@ class Outcome:
     remarks: list[str] = field(default_factory=list)
     sha256: str = ""
     recordings: list[Recording] = field(default_factory=list)
+    qualities: list[MotionQuality] = field(default_factory=list)
     hint: str | None = None
 
 
@@ -71,7 +76,15 @@ def read_one(job: Job) -> Outcome:
     if len(recordings) < len(found):
         notes.append(f"{len(found) - len(recordings)} clips of one frame were left out.")
     sha256 = hashlib.sha256(data).hexdigest()
-    return Outcome(source, "repaired" if notes else "kept", chosen.name, notes, remarks, sha256, recordings)
+    qualities = [quality_of(recording) for recording in recordings]
+    status = "repaired" if notes else "kept"
+    return Outcome(source, status, chosen.name, notes, remarks, sha256, recordings, qualities)
+
+
+def quality_of(recording: Recording) -> MotionQuality:
+    """Figures of the clip (`data_schemas.quality`)."""
+    skeleton, motion = recording.skeleton, recording.motion
+    return measure_quality(skeleton, motion, places_of(skeleton, motion), recording.repaired_frames)
 
 
 def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:

@@ -41,6 +41,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     asked = _asked(config)
     sources = find_sources(config.sources, suffixes_of(config.format))
     assigned = assign_splits(sources, config.splits)
+    sources = config.share_of(sources)  # splits are of the whole, so that every part agrees on them
+    if not sources:
+        raise UsageError(f"--shard {config.shard} has no recording: there are fewer than parts.")
     jobs = [
         Job(source, config.format, replace(asked, fps_override=_override_of(source, overrides))) for source in sources
     ]
@@ -95,7 +98,7 @@ def _store(
     """Write the clips of one source; their rows."""
     data_set = outcome.source.data_set
     rows = []
-    for recording in outcome.recordings:
+    for recording, quality in zip(outcome.recordings, outcome.qualities, strict=True):
         motion = recording.motion
         row = ClipRow(
             clip=clips.name(outcome.source, recording.part),
@@ -108,6 +111,7 @@ def _store(
             split=assigned.splits[outcome.source.name],
             licence=licence_of(data_set, licence or assigned.licences.get(data_set)),
             flags=_flags(recording, job),
+            quality=quality,
         )
         writer.add_clip(row, motion)
         rows.append(row)

@@ -13,7 +13,6 @@ from data_schemas.quality import MotionQuality
 from data_schemas.skeleton import Motion, Skeleton
 from stages.kinematics.bone_matching import ARMS, LEGS, bones_of
 from stages.kinematics.foot_contacts import detect_contacts, find_feet, floor_levels, foot_skate_mps
-from stages.kinematics.forward import positions_of
 from stages.kinematics.playback_speed import SUSPECT, log_speed
 
 STILL_MPS = 0.01  # a body of which no joint moves faster stands still
@@ -24,9 +23,15 @@ FACING_FRAMES = 32
 LEAST_S = 0.5  # of a T-pose or of standing still, to count
 
 
-def measure_quality(skeleton: Skeleton, motion: Motion, repaired_frames: int = 0) -> MotionQuality:
-    """All figures of one clip; how many frames its reader had to repair is for the caller to say."""
-    positions = positions_of(skeleton, motion)
+def measure_quality(
+    skeleton: Skeleton, motion: Motion, positions: np.ndarray, repaired_frames: int = 0
+) -> MotionQuality:
+    """All figures of one clip.
+
+    Args:
+        positions: (T, J, 3) its joints in the world, metres: readers have them at hand, and need no torch for them.
+        repaired_frames: how many its reader had to repair.
+    """
     body = np.flatnonzero((skeleton.groups >= 0) & skeleton.sampled)
     turned = _turns(motion.rotations[:, body])
     speed = log_speed(skeleton, positions, motion.fps)

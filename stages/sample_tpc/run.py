@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.artefact import open_artefact, write_artefact
+from data_schemas.clip_filter import clips_where
 from data_schemas.motion import MotionReader
 from data_schemas.tpc import BoneSet, TpcWriter, place_points
 from stages.config import StageReport
@@ -29,7 +30,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Write the tpc artefact `config.output` of the motion artefact `config.motion`.
 
     Points are drawn once for each skeleton, from the seed alone: the order of clips means nothing.
-    Raises: InputError where the motion artefact is missing, damaged or empty.
+    Raises: InputError where the motion artefact is missing, damaged or empty; UsageError for an expression that no
+        clip satisfies, or a part that cannot be.
     """
     artefact = open_artefact(config.motion, "motion")
     frames = 0
@@ -38,13 +40,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_artefact(config.output, "tpc", stage="sample-tpc", config=config, inputs=[artefact]) as draft,
         TpcWriter(draft.folder) as writer,
     ):
+        rows = config.share_of(clips_where(reader.clips, config.where))
         bodies = {}
-        for name in reader.skeletons():
+        for name in sorted({row.skeleton for row in rows}):
             bodies[name] = _Body(*bone_set(reader.skeleton(name), config.points, config.seed))
             if not config.bake:
                 writer.add_bones(bodies[name].bones, name)
-        progress.start("Sampling clouds", total=len(reader.clips))
-        for row in reader.clips:
+        progress.start("Sampling clouds", total=len(rows))
+        for row in rows:
             body = bodies[row.skeleton]
             motion = resample(reader.motion(row.clip), config.fps)
             here = replace(row, frames=motion.frames, fps=config.fps, seconds=motion.frames / config.fps)
@@ -57,8 +60,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 writer.add_rigid(here, heads, rotations)
             frames += motion.frames
             progress.advance(1, row.clip)
-        draft.summary |= {"clips": len(reader.clips), "frames": frames, "points": config.points}
+        draft.summary |= {"clips": len(rows), "frames": frames, "points": config.points}
     layout = "baked positions" if config.bake else "bones' transforms"
-    line = f"{len(reader.clips)} clips, {frames} frames at {config.fps:g} fps, {config.points} points, {layout}."
-    figures = {"clips": len(reader.clips), "frames": frames, "skeletons": len(bodies)}
+    line = f"{len(rows)} clips, {frames} frames at {config.fps:g} fps, {config.points} points, {layout}."
+    figures = {"clips": len(rows), "frames": frames, "skeletons": len(bodies)}
     return StageReport(output=config.output, lines=[line], figures=figures)

@@ -10,15 +10,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import stages.clips
+from data_schemas.quality import MotionQuality
 from data_schemas.skeleton import Motion, Skeleton
 from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
+from stages.kinematics import motion_quality
 from stages.kinematics.forward import positions_of
-from stages.kinematics.motion_quality import measure_quality
 from stages.kinematics.playback_speed import log_speed
 from stages.kinematics.retargeting import rest_pose
 
 CLIPS = Path(stages.clips.__file__).parent
+
+
+def measure_quality(skeleton: Skeleton, motion: Motion) -> MotionQuality:
+    return motion_quality.measure_quality(skeleton, motion, positions_of(skeleton, motion))
 
 
 @pytest.fixture(scope="module")
