@@ -12,8 +12,8 @@ from torch import Tensor
 from data_schemas.skeleton import BODY_GROUPS
 
 COLOURS = ("#404040", "#1f77b4", "#d62728", "#17a2a2", "#ff7f0e")  # in the order of BODY_GROUPS
-_PIXELS_A_METRE = 95.0
-_LABEL, _GAP = 150, 10
+_PIXELS_A_METRE = 110.0
+_LABEL, _GAP = 120, 8
 _PATHS = 20  # points whose paths are drawn
 _TURN = np.radians(25)  # seen a little from the side, so that depth shows
 SPINE, LEFT_LEG, RIGHT_LEG = (BODY_GROUPS.index(name) for name in ("spine", "left_leg", "right_leg"))
@@ -45,6 +45,10 @@ def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
     ]
     heads = [f"frame {frame + 1}" for frame in frames] + [f"paths of {min(_PATHS, len(kinds))} points"]
     parts += [f'<text x="{x:.0f}" y="34" fill="#555555">{head}</text>' for x, head in zip(left, heads, strict=True)]
+    left_edge = _LABEL + width
+    for name, colour in zip(BODY_GROUPS, COLOURS, strict=True):
+        parts.append(f'<text x="{left_edge:.0f}" y="16" fill="{colour}">{name.replace("_", " ")}</text>')
+        left_edge += 72
     for row, (panel, cloud) in enumerate(zip(panels, flat, strict=True)):
         top = 40 + row * (height + _GAP)
         parts.append(f'<text x="{_GAP}" y="{top + height / 2:.0f}">{escape(panel.label)}</text>')
@@ -76,7 +80,7 @@ def _dots(pixels: np.ndarray, kinds: np.ndarray) -> list[str]:
     for group, colour in enumerate(COLOURS):
         places = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in pixels[kinds == group])
         if places:
-            parts.append(f'<path d="{places}" stroke="{colour}" stroke-width="3.6" stroke-linecap="round"/>')
+            parts.append(f'<path d="{places}" stroke="{colour}" stroke-width="2.6" stroke-linecap="round"/>')
     return parts
 
 

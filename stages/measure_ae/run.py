@@ -28,6 +28,7 @@ from stages.progress import SILENT, Progress
 from stages.statistics.archives import archive_of
 
 TASK = "reconstruction"
+PICTURE_POINTS = 256  # as many as the paper's; decoders make as many points as are wanted
 _AT_ONCE = 16  # windows encoded in one call
 
 
@@ -46,23 +47,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         inputs = [reader.artefact, *(open_artefact(method.source, "checkpoint") for method in methods)]
     progress.start("reconstructing", len(windows) * (len(methods) + 1))
     truth, other, groups = _draws(windows, points, config)
+    shown = _shown(windows, config.pictures)
+    scenes = [windows[index] for index in shown]
+    dense, dense_other, dense_groups = _draws(scenes, PICTURE_POINTS, config) if scenes else (truth, other, groups)
+    drawn = {"truth": dense, REFERENCE: dense_other}
     tables = {REFERENCE: _figures(other, truth, groups)}
     progress.advance(len(windows), REFERENCE)
-    clouds = {}
     for method in methods:
-        made = _reconstruct(method.autoencoder, windows, truth, groups, config.seed)
+        made = _reconstruct(method.autoencoder, windows, truth, groups, groups, config.seed)
         tables[method.name] = _figures(made, truth, groups)
-        clouds[method.name] = made
+        if scenes:
+            drawn[method.name] = _reconstruct(
+                method.autoencoder, scenes, truth[shown], groups[shown], dense_groups, config.seed
+            )
         progress.advance(len(windows), method.name)
     rows = [row for name, figures in tables.items() for row in _rows(name, windows, figures, frames)]
     measured = Measured(config, methods, rows, frames, points, len(windows))
     with write_artefact(config.output, "metrics", stage="measure-ae", config=config, inputs=inputs) as draft:
         names = []
-        for number, window in enumerate(_shown(windows, config.pictures)):
-            names.append(f"clouds-{number + 1}.svg")
-            panels = [Panel("truth", truth[window]), Panel(REFERENCE, other[window])]
-            panels += [Panel(name, made[window]) for name, made in clouds.items()]
-            text = cloud_picture(panels, groups[window], windows[window].row.clip)
+        for place, window in enumerate(scenes):
+            names.append(f"clouds-{place + 1}.svg")
+            panels = [Panel(name, clouds[place]) for name, clouds in drawn.items()]
+            text = cloud_picture(panels, dense_groups[place], window.row.clip)
             (draft.folder / names[-1]).write_text(text, encoding="utf-8")
         draft.summary.update(windows=len(windows), methods=[method.name for method in methods])
         write_metrics(draft.folder, rows, summary_md(measured, names))
@@ -86,22 +92,22 @@ def _draws(windows: Sequence[MovingBones], points: int, config: Config) -> tuple
 
 
 def _reconstruct(
-    autoencoder: Autoencoder, windows: Sequence[MovingBones], truth: Tensor, groups: Tensor, seed: int
+    autoencoder: Autoencoder,
+    windows: Sequence[MovingBones],
+    truth: Tensor,
+    groups: Tensor,
+    wanted: Tensor,
+    seed: int,
 ) -> Tensor:
-    """Clouds (W, T, P, 3) decoded from the latents of the true ones, on the CPU."""
+    """Clouds (W, T, Q, 3) on the CPU, decoded from the latents of true ones (W, T, P, 3).
+
+    Args: groups: (W, P) of the true points. wanted: (W, Q) body groups of the points to make.
+    """
     decoder, device, frames = autoencoder.decoder, autoencoder.device, truth.shape[1]
     times = torch.arange(frames, device=device, dtype=torch.float32).unsqueeze(0)
-    noise = torch.cat(
-        [
-            # Drawn on the CPU, so that every device decodes the same points.
-            autoencoder.draw_noise(
-                truth.shape[2], int(np.random.SeedSequence(window.seed(seed)).generate_state(1)[0])
-            )
-            .unsqueeze(0)
-            .to(device)
-            for window in windows
-        ]
-    )
+    # Drawn on the CPU, so that every device decodes the same points.
+    seeds = [int(np.random.SeedSequence(window.seed(seed)).generate_state(1)[0]) for window in windows]
+    noise = torch.stack([autoencoder.draw_noise(wanted.shape[1], each) for each in seeds]).to(device)
     made = []
     with torch.inference_mode():
         for start in range(0, len(windows), _AT_ONCE):
@@ -109,7 +115,7 @@ def _reconstruct(
             clouds, kinds = truth[part].to(device), groups[part].to(device)
             latents, centroids = autoencoder.encoder(clouds.flatten(0, 1), kinds.repeat_interleave(frames, 0))
             latents, centroids = latents.unflatten(0, (-1, frames)), centroids.unflatten(0, (-1, frames))
-            made.append(decoder(latents, centroids, times, kinds, noise[part]).cpu())
+            made.append(decoder(latents, centroids, times, wanted[part].to(device), noise[part]).cpu())
     return torch.cat(made)
 
 
