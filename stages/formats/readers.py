@@ -106,7 +106,7 @@ FORMATS: tuple[Format, ...] = (
         "joint positions (T, J, 3), or columns `Hips.x, Hips.y, Hips.z`; rotations by inverse kinematics",
         "Names come from the file, a sidecar, or `--skeleton` (a rig, or the name of a known list). Roll about a"
         " bone is not in positions: it is the least twist. Without a rate 30 is taken.",
-        shared=True,
+        shared=True, rig=".json",
     ),
     Format(
         "gltf", (".glb", ".gltf"), "stages.formats.gltf_motion:read_gltf", _looks_gltf,
@@ -171,13 +171,19 @@ def _of_arrays(data: bytes) -> Format | None:
 
 
 def rig_beside(source: Source, suffix: str) -> Source | None:
-    """The skeleton file of a recording: the only one in its folder, or the one whose name begins the recording's."""
+    """The skeleton file of a recording: the one whose name begins the recording's, else the only one in its folder.
+
+    JSON may be anything: there it is the one with the recording's name, or called skeleton.json.
+    """
     found = beside(source, suffix)
-    if len(found) == 1:
-        return found[0]
     stem = PurePosixPath(source.member).stem.lower()
-    fitting = [each for each in found if stem.startswith(PurePosixPath(each.member).stem.lower())]
-    return max(fitting, key=lambda each: len(each.member), default=None)
+    stems = {each: PurePosixPath(each.member).stem.lower() for each in found}
+    fitting = [each for each in found if stem.startswith(stems[each])]
+    if suffix == ".json":
+        fitting = [each for each in found if stems[each] in (stem, "skeleton")]
+    elif not fitting and len(found) == 1:
+        fitting = found
+    return max(fitting, key=lambda each: len(stems[each]) + 1000 * (stems[each] == stem), default=None)
 
 
 def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -> list[Recording]:
@@ -185,7 +191,7 @@ def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -
 
     Raises: InputError naming the file.
     """
-    if chosen.rig and not asked.rig:
+    if chosen.rig and not asked.rig and not asked.rig_name:
         rig = rig_beside(source, chosen.rig)
         if rig is not None:
             asked = replace(asked, rig=rig.read(), rig_name=rig.name)

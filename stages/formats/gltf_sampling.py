@@ -1,0 +1,84 @@
+"""The curves of glTF animations at any times: LINEAR, STEP and CUBICSPLINE, as its specification has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.errors import InputError
+
+_HAIR_S = 1e-4
+
+
+@dataclass(frozen=True)
+class Track:
+    """One curve. times: (K,) seconds going up; values: (K, width), or (3 K, width) for CUBICSPLINE.
+
+    width: 3 for places and scales, 4 for rotations xyzw. where: what errors call it.
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+    kind: str
+    width: int
+    where: str
+
+    def check(self) -> None:
+        """Raises InputError where times and values do not make a curve."""
+        per_key = 3 if self.kind == "CUBICSPLINE" else 1
+        if self.kind not in ("LINEAR", "STEP", "CUBICSPLINE"):
+            raise InputError(f"{self.where} is interpolated by {self.kind[:40]}, which glTF does not know.")
+        if self.values.shape != (per_key * len(self.times), self.width):
+            raise InputError(f"{self.where} has {len(self.times)} times and values of the shape {self.values.shape}.")
+        if (np.diff(self.times) < 0).any():
+            raise InputError(f"{self.where} has times that do not go up.")
+        if self.width == 4 and (np.linalg.norm(self._keys(), axis=1) < 0.1).any():
+            raise InputError(f"{self.where} has a quaternion of no length.")
+
+    def _keys(self) -> np.ndarray:
+        return self.values[1::3] if self.kind == "CUBICSPLINE" else self.values
+
+
+def sampled(track: Track, times: np.ndarray) -> np.ndarray:
+    """(T, width) values at `times`; before the first key and after the last the curve stands still."""
+    keys = track._keys()
+    # A file's times are rounded: a step that is a hair ahead has been taken.
+    after = np.searchsorted(track.times, times + (_HAIR_S if track.kind == "STEP" else 0.0), side="right")
+    left = np.clip(after - 1, 0, len(keys) - 1)
+    right = np.clip(after, 0, len(keys) - 1)
+    span = track.times[right] - track.times[left]
+    share = np.where(span > 0, (times - track.times[left]) / np.where(span > 0, span, 1.0), 0.0)[:, None]
+    share = np.clip(share, 0.0, 1.0)
+    if track.kind == "STEP":
+        values = keys[left]
+    elif track.kind == "CUBICSPLINE":
+        into, out = track.values[0::3], track.values[2::3]
+        square, cube = share**2, share**3
+        values = (
+            (2 * cube - 3 * square + 1) * keys[left] + span[:, None] * (cube - 2 * square + share) * out[left]
+            + (3 * square - 2 * cube) * keys[right] + span[:, None] * (cube - square) * into[right]
+        )  # fmt: skip
+    elif track.width == 4:
+        values = _slerp(keys[left], keys[right], share)
+    else:
+        values = keys[left] + share * (keys[right] - keys[left])
+    if track.width == 4:
+        values = np.where(np.linalg.norm(values, axis=1, keepdims=True) > 1e-6, values, keys[left])
+        values = values / np.linalg.norm(values, axis=1, keepdims=True)
+    return values
+
+
+def _slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Between quaternions (T, 4), the short way; `share` (T, 1)."""
+    first = first / np.linalg.norm(first, axis=1, keepdims=True)
+    second = second / np.linalg.norm(second, axis=1, keepdims=True)
+    cosine = (first * second).sum(axis=1, keepdims=True)
+    second = np.where(cosine < 0, -second, second)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    a = np.where(near, 1 - share, np.sin((1 - share) * angle) / safe)
+    b = np.where(near, share, np.sin(share * angle) / safe)
+    return a * first + b * second
