@@ -198,6 +198,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        "measure-motions", ("measure", "motions"), "stages.measure_motions",
+        "Measure motions beside the true ones of the same clips and joints.",
+        ("motion",), "metrics",
+        "pumps measure motions --truth runs/mine/ingest --made network=runs/mine/decode -o runs/mine/measure-motions",
+        pipeline=False,
+    ),
+    Stage(
         "pack-weights", ("pack-weights",), "stages.pack_weights",
         "Make the networks of a run small enough to hand on, with one model card.",
         ("checkpoint",), "checkpoint", "pumps pack-weights runs/mine -o weights/mine",

@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.metrics import MetricRow
 from stages.statistics.bootstrap import Estimate, mean_interval, ratio_interval
 from stages.statistics.figures import METRICS, POWER_WEIGHTED
-from stages.statistics.tasks import INTERPOLATION, PREDICTION, RETARGETING, TRANSITION
+from stages.statistics.tasks import INTERPOLATION, PREDICTION, RECONSTRUCTION, RETARGETING, TRANSITION
 
 ALL = "all archives"
 TASK_WORDS = {
@@ -19,6 +19,7 @@ TASK_WORDS = {
     TRANSITION: "Transition, missing frames",
     PREDICTION: "Prediction, last frames",
     RETARGETING: "Retargeting, spread of the clouds in mm",
+    RECONSTRUCTION: "Reconstruction, known frames",
 }
 DIGITS = 3
 

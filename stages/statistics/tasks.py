@@ -5,3 +5,4 @@ from __future__ import annotations
 TASK_NAMES = ("interpolation", "transition", "prediction")
 INTERPOLATION, TRANSITION, PREDICTION = TASK_NAMES
 RETARGETING = "retargeting"
+RECONSTRUCTION = "reconstruction"
