@@ -18,6 +18,7 @@ from stages.inference.binding import Binding, bind_points
 from stages.inference.local_pose import LocalPose, pose_of_motion
 from stages.inference.token_times import Tokens
 from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.plain_interpolation import Glide
 from stages.pointcloud.sampling import draw_points, place_points, points_in_bone
 
 CloudSource = Literal["synthesised", "reconstructed", "true", "latents"]
@@ -50,6 +51,11 @@ class CloudModels(Protocol):
 
     @property
     def autoencoder(self) -> CloudAutoencoder: ...
+
+    @property
+    def glide(self) -> Glide:
+        """How the plain interpolation that they were trained on goes on beyond the keys, seconds."""
+        ...
 
     def synthesise(
         self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None

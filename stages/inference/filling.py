@@ -142,7 +142,8 @@ def fill_motion(
     key_times, gap_times = (torch.as_tensor(f * (MODEL_FPS / motion.fps), device=device) for f in (keys, gaps))
     smooth = damped_smoothness(key_times, MODEL_FPS) if options.base_smooth is None else options.base_smooth
     tokens = choose_tokens(keys, motion.frames, motion.fps)
-    base = key_pose.at(key_times, torch.as_tensor(tokens.times, device=device), smooth)
+    glide = None if models is None else models.glide.in_frames(MODEL_FPS)
+    base = key_pose.at(key_times, torch.as_tensor(tokens.times, device=device), smooth, glide)
     scene = Scene(skeleton, motion, tokens, base)
     with torch.no_grad():
         rng = np.random.default_rng(seed)
@@ -152,7 +153,7 @@ def fill_motion(
         clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)
         solved = _solve_tokens(scene, clouds, options.solve)
         applied = _smoothed(scene, solved, options)
-        frame_base = key_pose.at(key_times, gap_times, smooth)
+        frame_base = key_pose.at(key_times, gap_times, smooth, glide)
         pose = _corrected(scene, applied, frame_base, gap_times)
     filled = replace_rows(skeleton, motion, pose, gaps)
     plain = np.zeros(filled.rotations.shape[:2], bool)

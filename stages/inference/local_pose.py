@@ -11,7 +11,7 @@ from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
 from stages.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
-from stages.kinematics.plain_interpolation import Smoothness, interpolate_pose
+from stages.kinematics.plain_interpolation import Glide, Smoothness, interpolate_pose
 
 
 class LocalPose(NamedTuple):
@@ -35,9 +35,10 @@ class LocalPose(NamedTuple):
         """True where offsets vary over time."""
         return self.offsets.dim() == 3
 
-    def at(self, key_times: Tensor, times: Tensor, smooth: Smoothness = 0.0) -> LocalPose:
-        """This pose's frames taken as keys, interpolated plainly to other times."""
-        return LocalPose(*interpolate_pose(*self, key_times, times, smooth=smooth))
+    def at(self, key_times: Tensor, times: Tensor, smooth: Smoothness = 0.0, glide: Glide | None = None) -> LocalPose:
+        """This pose's frames taken as keys, interpolated plainly to other times, and beyond the keys as `glide` has
+        it, in their unit."""
+        return LocalPose(*interpolate_pose(*self, key_times, times, smooth=smooth, glide=glide))
 
     def world(self, parents: np.ndarray) -> tuple[Tensor, Tensor]:
         """Heads (T, J, 3) and global rotations (T, J, 4)."""

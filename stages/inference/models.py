@@ -13,6 +13,7 @@ from torch import Tensor
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
+from stages.kinematics.plain_interpolation import Glide
 from stages.networks.cloud_decoder import CloudDecoder, grid_cells
 from stages.networks.device import choose_device
 from stages.networks.frame_encoder import FrameEncoder
@@ -97,6 +98,12 @@ class Models:
     licences: tuple[str, ...]
     trained_on: str
     name: str
+
+    @property
+    def glide(self) -> Glide:
+        """How the plain interpolation that they were trained on goes on beyond the keys, seconds."""
+        sizes = self.synthesiser.sizes
+        return Glide(sizes.glide_root_s, sizes.glide_turn_s)
 
     def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """As `Autoencoder.encode`."""
@@ -230,8 +237,12 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
     chosen = choose_device(device)
     encoder = FrameEncoder(EncoderSizes(**kept.config["encoder"]))
     decoder = CloudDecoder(encoder.latent_width, DecoderSizes(**kept.config["decoder"]))
-    load_state(encoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("encoder.")}, path)
-    load_state(decoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("decoder.")}, path)
+    load_state(
+        encoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("encoder.")}, path
+    )
+    load_state(
+        decoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("decoder.")}, path
+    )
     return Autoencoder(
         encoder.to(chosen).eval(),
         decoder.to(chosen).eval(),

@@ -19,6 +19,21 @@ Smoothness = float | Tensor
 _HALF_SMOOTH_S = 1.3  # a gap of this length keeps half of its smoothness; found on validation clips of four data sets
 
 
+class Glide(NamedTuple):
+    """How a pose goes on beyond its first and last key: with the speed it has there, which decays exponentially.
+
+    root: time constant of joint 0's and moving joints' places, in the key times' unit. turn: of rotations. At 0 they
+    stand still, and where both are 0 the pose is held to the bit.
+    """
+
+    root: float
+    turn: float
+
+    def in_frames(self, rate_hz: float) -> Glide:
+        """From seconds to frames."""
+        return Glide(self.root * rate_hz, self.turn * rate_hz)
+
+
 class Segments(NamedTuple):
     """Where times fall between keys: `first` (T,) index of the key before, `share` (T,) in [0, 1] of the way on."""
 
@@ -54,7 +69,14 @@ def locate_segments(key_times: Tensor, times: Tensor) -> Segments:
 
 
 def interpolate_pose(
-    local: Tensor, roots: Tensor, offsets: Tensor, key_times: Tensor, times: Tensor, *, smooth: Smoothness = 0.0
+    local: Tensor,
+    roots: Tensor,
+    offsets: Tensor,
+    key_times: Tensor,
+    times: Tensor,
+    *,
+    smooth: Smoothness = 0.0,
+    glide: Glide | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Poses at any times from poses at keys.
 
@@ -63,9 +85,10 @@ def interpolate_pose(
         roots: (K, 3) positions of joint 0, metres.
         offsets: (K, J, 3) joints' heads in their parents' frames, metres, or (J, 3) where they never vary.
         key_times: (K,) strictly rising, any unit.
-        times: (T,) in the same unit. Before the first and after the last key that key is held.
+        times: (T,) in the same unit.
         smooth: 0 is slerp and lerp, 1 the C1 cubic through the keys, between them the tangents are blended; a number,
             or (K-1,) with one for each segment, such as `damped_smoothness` gives.
+        glide: how to go on before the first and after the last key; None holds them.
 
     Returns: local (T, J, 4) sign-continuous in rising time, roots (T, 3), offsets (T, J, 3) (or (J, 3) as given).
     Raises: UsageError where there is no key or the key times do not rise.
@@ -80,7 +103,59 @@ def interpolate_pose(
     local_out = _rotation_curve(_continuous_signs(local), lengths, segments, smooth)
     roots_out = _position_curve(roots, lengths, segments, smooth)
     offsets_out = _position_curve(offsets, lengths, segments, smooth) if varying else offsets
+    if glide is not None and any(glide):
+        away = torch.maximum(times.double() - key_times[-1].double(), key_times[0].double() - times.double()).float()
+        out = away > 0
+        after = times[out] > key_times[-1]
+        edge = torch.where(after, len(key_times) - 1, 0)
+        inner = torch.where(after, len(key_times) - 2, 1)
+        steps = _glide_steps(lengths[torch.minimum(edge, inner)], away[out], glide)
+        local_out[out] = _turned_on(local[edge], local[inner], steps.turn)
+        roots_out[out] = _moved_on(roots[edge], roots[inner], steps.root)
+        if varying:
+            offsets_out[out] = _moved_on(offsets[edge], offsets[inner], steps.root)
     return local_out, roots_out, offsets_out
+
+
+def glide_on(
+    local: tuple[Tensor, Tensor], offsets: tuple[Tensor, Tensor], gap: Tensor, away: Tensor, glide: Glide
+) -> tuple[Tensor, Tensor]:
+    """Poses beyond an edge key.
+
+    Args:
+        local: (..., J, 4) rotations at the edge key and at the key next to it.
+        offsets: (..., J, 3) places at the two.
+        gap: (...) time between the two keys; at 0 the edge key is held.
+        away: (...) time from the edge key on, outwards.
+        glide: in the same unit.
+    """
+    steps = _glide_steps(gap, away, glide)
+    return _turned_on(*local, steps.turn), _moved_on(*offsets, steps.root)
+
+
+class _Steps(NamedTuple):
+    """How many times the last step between keys is made again, by places and by rotations."""
+
+    root: Tensor
+    turn: Tensor
+
+
+def _glide_steps(gap: Tensor, away: Tensor, glide: Glide) -> _Steps:
+    steps = [
+        torch.where(gap > 0, constant * -torch.expm1(-away / max(constant, 1e-9)) / gap.clamp_min(1e-9), 0.0)
+        for constant in glide
+    ]
+    return _Steps(*steps)
+
+
+def _moved_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
+    return edge + steps.view(*steps.shape, *[1] * (edge.dim() - steps.dim())) * (edge - inner)
+
+
+def _turned_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
+    turn = roma.quat_product(roma.quat_conjugation(inner), edge)
+    step = roma.unitquat_to_rotvec(torch.where(turn[..., 3:] < 0, -turn, turn))
+    return roma.quat_product(edge, roma.rotvec_to_unitquat(steps[..., None, None] * step))
 
 
 def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smooth: Smoothness = 0.0) -> Tensor:

@@ -6,24 +6,25 @@ import roma
 import torch
 from torch import Tensor
 
-from stages.kinematics.plain_interpolation import damped_smoothness, interpolate_pose
+from stages.kinematics.plain_interpolation import Glide, damped_smoothness, glide_on, interpolate_pose
 
 _APART = 100_000.0  # frames between windows on the joined timeline: no tangent reaches across
 
 
 def interpolate_windows(
-    heads: Tensor, rotations: Tensor, parents: Tensor, known: Tensor, *, rate_hz: float
+    heads: Tensor, rotations: Tensor, parents: Tensor, known: Tensor, *, rate_hz: float, glide: Glide | None = None
 ) -> tuple[Tensor, Tensor]:
     """What the damped `interpolate_pose` makes of each window's known frames, by its own hierarchy.
 
     The windows are laid on one long timeline, so that one call serves them all; a window that ends (or begins)
-    without a key holds its last (first) one.
+    without a key holds its last (first) one, or glides on from it.
 
     Args:
         heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
         parents: (B, J), -1 for roots and unused bones, parents before children.
         known: (B, T), at least one True in every row; other frames are not read.
         rate_hz: frames in a second; long gaps leave slerp less (`damped_smoothness`).
+        glide: how to go on before the first and after the last key, in frames; None holds them.
 
     Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
     """
@@ -32,21 +33,21 @@ def interpolate_windows(
     has_parent = (parents >= 0).unsqueeze(-1)
     window, frame = _held_keys(known)
     source = _nearest_known(known)[window, frame]
-    key_heads, key_rotations = heads[window, source], rotations[window, source]
-    at = index[window].unsqueeze(-1)
-    above = torch.gather(key_rotations, 1, at.expand(-1, -1, 4))
-    local = roma.quat_product(roma.quat_conjugation(above), key_rotations)
-    local = torch.where(has_parent[window], local, key_rotations)
-    offsets = roma.quat_action(
-        roma.quat_conjugation(above), key_heads - torch.gather(key_heads, 1, at.expand(-1, -1, 3))
-    )
-    offsets = torch.where(has_parent[window], offsets, key_heads)
+    key_heads = heads[window, source]
+    local, offsets = _in_parents(key_heads, rotations[window, source], index[window], has_parent[window])
 
     times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
     key_times = times[window, frame]
     smooth = damped_smoothness(key_times, rate_hz)
     local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
     local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
+    if glide is not None and any(glide):
+        row, at, edge, inner = _beyond_keys(known)
+        edges, inners = (
+            _in_parents(heads[row, key], rotations[row, key], index[row], has_parent[row]) for key in (edge, inner)
+        )
+        gap, away = (edge - inner).abs().float(), (at - edge).abs().float()
+        local[row, at], offsets[row, at] = glide_on((edges[0], inners[0]), (edges[1], inners[1]), gap, away, glide)
 
     out_heads, out_rotations = offsets.clone(), local.clone()
     rows = torch.arange(batch)
@@ -58,6 +59,30 @@ def interpolate_windows(
         moved = place + roma.quat_action(turn, offsets[:, :, bone])
         out_heads[:, :, bone] = torch.where(hangs, moved, offsets[:, :, bone])
     return out_heads, out_rotations
+
+
+def _in_parents(heads: Tensor, rotations: Tensor, index: Tensor, has_parent: Tensor) -> tuple[Tensor, Tensor]:
+    """Rotations (N, J, 4) and places (N, J, 3) in the parents' frames, of frames N with parents `index` (N, J)."""
+    above = roma.quat_conjugation(torch.gather(rotations, 1, index.unsqueeze(-1).expand(-1, -1, 4)))
+    local = torch.where(has_parent, roma.quat_product(above, rotations), rotations)
+    apart = heads - torch.gather(heads, 1, index.unsqueeze(-1).expand(-1, -1, 3))
+    return local, torch.where(has_parent, roma.quat_action(above, apart), heads)
+
+
+def _beyond_keys(known: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Windows and frames (N,) before the first or after the last key, that key's frame, and the frame of the key next
+    to it (the same where there is no other)."""
+    frames = torch.arange(known.shape[1]).expand_as(known)
+    far = known.shape[1]
+    first = torch.where(known, frames, far).amin(1, keepdim=True)
+    last = torch.where(known, frames, -1).amax(1, keepdim=True)
+    second = torch.where(known & (frames > first), frames, far).amin(1, keepdim=True)
+    last_but_one = torch.where(known & (frames < last), frames, -1).amax(1, keepdim=True)
+    edge = torch.where(frames > last, last, first)
+    inner = torch.where(frames > last, last_but_one, second)
+    inner = torch.where((inner < 0) | (inner == far), edge, inner)
+    row, at = ((frames < first) | (frames > last)).nonzero(as_tuple=True)
+    return row, at, edge[row, at], inner[row, at]
 
 
 def _held_keys(known: Tensor) -> tuple[Tensor, Tensor]:

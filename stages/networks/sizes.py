@@ -85,6 +85,12 @@ class SynthesiserSizes(Sizes):
         description="What the residual is added to: the latents of the skeleton's own plain "
         "interpolation (skeleton), or the known latents interpolated (latent).",
     )
+    glide_root_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Seconds in which the base's speed decays beyond the keys; 0 holds the pose.",
+    )
+    glide_turn_s: float = Field(default=0.0, ge=0, description="The same of rotations.")
 
 
 class SkeletonSizes(Sizes):

@@ -10,12 +10,22 @@ from stages.networks.sizes import SynthesiserSizes
 from stages.training.config import TrainingConfig
 
 
+class NewSizes(SynthesiserSizes):
+    """Sizes of new trainings: beyond the keys their base moves on. Weights trained before hold it."""
+
+    # By benchmarks/beyond_keys.py on validation clips: a place keeps its speed for about a second, a turn does not.
+    glide_root_s: float = Field(
+        default=0.8, ge=0, description="Seconds in which the base's speed decays beyond the keys; 0 holds the pose."
+    )
+    glide_turn_s: float = Field(default=0.1, ge=0, description="The same of rotations.")
+
+
 class Config(TrainingConfig):
     """Train the latent motion synthesiser with the frozen encoder (PUMPS 3.3)."""
 
     tpc: Path = Field(description="The tpc artefact to learn from (latents are drawn afresh at every step).")
     ae: Path = Field(description="The autoencoder's checkpoint artefact.")
     latent: Path | None = Field(None, description="The latent artefact of these clips; it must be of this encoder.")
-    synthesiser: SynthesiserSizes = SynthesiserSizes()
+    synthesiser: NewSizes = NewSizes()
     latent_weight: float = Field(0.1, description="Weight of the latents' error beside the decoded clouds'.")
     longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")

@@ -16,6 +16,7 @@ from torch.nn import functional
 
 from stages.inference.models import Autoencoder
 from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.plain_interpolation import Glide
 from stages.kinematics.window_interpolation import interpolate_windows
 from stages.networks.device import precision
 from stages.networks.synthesiser import LatentSynthesiser, interpolate_known
@@ -88,7 +89,15 @@ class SynthesiserTask:
         points = clouds_of(windows.heads, windows.rotations, cloud, centre)
         base = None
         if config.synthesiser.base == "skeleton":
-            plain = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=MODEL_FPS)
+            sizes = config.synthesiser
+            plain = interpolate_windows(
+                windows.heads,
+                windows.rotations,
+                windows.parents,
+                known,
+                rate_hz=MODEL_FPS,
+                glide=Glide(sizes.glide_root_s, sizes.glide_turn_s).in_frames(MODEL_FPS),
+            )
             base = clouds_of(*plain, cloud, centre)
         return FillBatch(points, base, cloud.groups, known, windows.valid)
 

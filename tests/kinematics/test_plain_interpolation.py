@@ -9,7 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from data_schemas.errors import UsageError
-from stages.kinematics.plain_interpolation import interpolate_pose
+from stages.kinematics.plain_interpolation import Glide, interpolate_pose
 
 KEY_TIMES = torch.tensor([0.0, 3.75, 4.0, 11.0])
 
@@ -86,3 +86,33 @@ def test_one_key_is_held_and_bad_times_refused():
     assert (out == local[:1]).all()
     with pytest.raises(UsageError):
         interpolate_pose(local, roots, offsets, KEY_TIMES.flip(0), torch.arange(5.0))
+
+
+def test_beyond_the_keys_it_glides_on_at_the_speed_it_has_and_comes_to_rest():
+    local, roots, offsets = keys()
+    glide = Glide(root=6.0, turn=2.0)
+    away = torch.tensor([1e-3, 1.0, 5.0, 500.0])
+    times = torch.cat([KEY_TIMES, KEY_TIMES[-1] + away, KEY_TIMES[0] - away])
+    held = interpolate_pose(local, roots, offsets, KEY_TIMES, times)
+    out, places, _ = interpolate_pose(local, roots, offsets, KEY_TIMES, times, glide=glide)
+    assert (out[:4] == held[0][:4]).all() and (places[:4] == held[1][:4]).all()
+    for edge, inner, rows in ((3, 2, slice(4, 8)), (0, 1, slice(8, 12))):
+        gap = float((KEY_TIMES[edge] - KEY_TIMES[inner]).abs())
+        moved = (roots[edge] - roots[inner]) * (6.0 * (1 - torch.exp(-away / 6.0)) / gap).unsqueeze(1)
+        torch.testing.assert_close(places[rows], roots[edge] + moved, atol=1e-5, rtol=1e-5)
+        # SciPy: the last turn between keys, made again by the share that an exponential decay leaves.
+        first, last = (Rotation.from_quat(local[key].numpy()) for key in (inner, edge))
+        for row, span in zip(range(rows.start, rows.stop), away.tolist(), strict=True):
+            share = 2.0 * (1 - np.exp(-span / 2.0)) / gap
+            expected = last * Rotation.from_rotvec((first.inv() * last).as_rotvec() * share)
+            assert (expected.inv() * Rotation.from_quat(out[row].numpy())).magnitude().max() < 2e-3
+
+
+def test_a_glide_of_nothing_holds_to_the_bit_and_one_key_is_held():
+    local, roots, offsets = keys()
+    times = torch.linspace(-5, 20, 40)
+    held = interpolate_pose(local, roots, offsets, KEY_TIMES, times)
+    still = interpolate_pose(local, roots, offsets, KEY_TIMES, times, glide=Glide(0.0, 0.0))
+    assert all((one == other).all() for one, other in zip(held, still, strict=True))
+    single = interpolate_pose(local[:1], roots[:1], offsets, KEY_TIMES[:1], times, glide=Glide(3.0, 3.0))
+    assert (single[1] == roots[0]).all() and (single[0] == local[0]).all()

@@ -4,9 +4,12 @@ import pickle
 
 import numpy as np
 import pytest
+import roma
 import torch
 
 from data_schemas.tpc import TpcReader
+from stages.kinematics.forward import global_rotations, joint_positions, local_rotations
+from stages.kinematics.plain_interpolation import Glide, interpolate_pose
 from stages.kinematics.window_interpolation import interpolate_windows
 from stages.training.masks import draw_known
 from stages.training.windows import WindowPool, clouds_of, draw_clouds, known_centre
@@ -131,6 +134,35 @@ def test_interpolated_windows_keep_keys_and_read_nothing_else(pool):
     assert (again == heads).all()
     last = int(known[0].nonzero()[-1])
     torch.testing.assert_close(heads[0, last + 1 :], heads[0, last].expand_as(heads[0, last + 1 :]))
+
+
+def test_windows_glide_on_as_a_single_motion_does(pool):
+    rng = np.random.default_rng(6)
+    windows = pool.draw(5, 24, rng, augment=False)
+    glide = Glide(root=9.0, turn=3.0)
+    known = torch.zeros(5, 24, dtype=torch.bool)
+    for row, frames in enumerate(([6, 7, 8, 9], [0, 5, 12], [10, 23], [14], range(4, 24))):
+        known[row, list(frames)] = True
+    heads, rotations = interpolate_windows(
+        windows.heads, windows.rotations, windows.parents, known, rate_hz=30, glide=glide
+    )
+    held, _ = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=30)
+    parents = windows.parents[0].numpy()
+    for row in range(5):
+        keys = torch.nonzero(known[row]).squeeze(1)
+        turns = windows.rotations[row, keys]
+        local = local_rotations(turns, parents)
+        inverse = roma.quat_conjugation(turns[:, parents.clip(0)])
+        offsets = roma.quat_action(inverse, windows.heads[row, keys] - windows.heads[row, keys][:, parents.clip(0)])
+        beyond = (torch.arange(24) < keys[0]) | (torch.arange(24) > keys[-1])
+        times = torch.arange(24.0)[beyond]
+        out = interpolate_pose(local, windows.heads[row, keys, 0], offsets, keys.float(), times, glide=glide)
+        world = global_rotations(out[0], parents)
+        places = joint_positions(world, out[1], out[2] if len(keys) > 1 else offsets[:1], parents)
+        torch.testing.assert_close(heads[row, beyond], places, atol=1e-4, rtol=1e-4)
+        same = (rotations[row, beyond] * world).sum(-1).abs()
+        torch.testing.assert_close(same, torch.ones_like(same), atol=1e-5, rtol=0)
+        assert (heads[row, ~beyond] == held[row, ~beyond]).all()
 
 
 @pytest.mark.parametrize("length", [4, 9, 30, 64])
