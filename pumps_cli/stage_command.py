@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from dataclasses import replace
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -52,7 +54,9 @@ def command_words(stage: Stage) -> str:
 
 
 def execute(stage: Stage, config: StageConfig, manner: Manner) -> None:
-    """Run the stage and print its report."""
+    """Run the stage and print its report. Of several processes that a launcher started the first alone tells."""
+    if int(os.environ.get("RANK", "0")) > 0:
+        manner = replace(manner, quiet=True, json=False)
     run = stage.runner()
     with TerminalProgress(quiet=manner.quiet or manner.json) as progress:
         report = run(config, progress=progress)

@@ -86,8 +86,10 @@ def test_the_checkpoint_says_what_it_was_trained_on(clouds, tmp_path):
     run(config_for(clouds, tmp_path / "ae", steps=2))
     artefact = open_artefact(tmp_path / "ae", "checkpoint")
     assert artefact.manifest.licences == ["CC0"]
-    card = read_checkpoint(artefact).card
-    assert "CC0" in card and "archive0.zip" in card
+    kept = read_checkpoint(artefact)
+    assert "CC0" in kept.card and "archive0.zip" in kept.card
+    measured = next(row for row in kept.log if row["split"] == "val")
+    assert f"| rec_mm | {measured['rec_mm']:.5g} |" in kept.card
 
 
 @pytest.mark.parametrize(
