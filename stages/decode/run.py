@@ -21,6 +21,7 @@ from stages.inference.filling import fill_motion
 from stages.inference.keyframes import parse_keyframes
 from stages.inference.models import Autoencoder, load_autoencoder
 from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.plain_interpolation import Glide
 from stages.kinematics.resampling import resample
 from stages.progress import SILENT, Progress
 
@@ -30,6 +31,7 @@ class _DecodingAlone:
     """The part of trained models that decoding needs."""
 
     autoencoder: Autoencoder
+    glide: Glide = Glide(0.0, 0.0)  # beyond the keys the pose is held
 
     def synthesise(
         self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
