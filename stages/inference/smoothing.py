@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import roma
 import torch
+from scipy.fft import dct, idct
 from scipy.linalg import solveh_banded
 from torch import Tensor
 
 PINNED = 1e9  # weight of a value that must not move, against 1 for the others
+SPANS = (0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 
 
 def smooth_corrections(
@@ -73,3 +75,28 @@ def _rates_to_bends(steps: np.ndarray, times: np.ndarray) -> np.ndarray:
     bends = np.zeros((len(steps) + 1, *steps.shape[1:]))
     bends[1:-1] = np.diff(rates, axis=0) / ((h[1:] + h[:-1]) / 2)
     return bends
+
+
+def smooth_as_needed(curves: np.ndarray, *, together: int = 3) -> np.ndarray:
+    """Curves smoothed so far that each would best foretell a frame that it was not shown.
+
+    The strength is found by generalised cross-validation (Craven and Wahba 1979): on evenly spaced frames Whittaker's
+    smoother is diagonal in the cosine transform (Garcia 2010), so that trying all of `SPANS` costs one transform.
+    Noise that is fresh in every frame is told from motion and taken out; a drift never is.
+
+    Args:
+        curves: (N, F) at frames 1 apart, N >= 3.
+        together: so many neighbouring columns, a joint's axes, are smoothed alike.
+
+    Returns: (N, F) float64.
+    """
+    frames = len(curves)
+    ramp = np.linspace(0, 1, frames)[:, None]
+    line = (1 - ramp) * curves[:1] + ramp * curves[-1:]
+    waves = np.asarray(dct(curves - line, axis=0, norm="ortho"))
+    power = (waves**2).reshape(frames, -1, together).sum(-1)
+    roughness = (2 - 2 * np.cos(np.pi * np.arange(frames) / frames)) ** 2
+    kept = 1 / (1 + np.array(SPANS)[:, None] ** 4 * roughness)  # (S, N) of each wave
+    scores = ((1 - kept) ** 2 @ power) / ((1 - kept).sum(1, keepdims=True) ** 2)
+    best = np.repeat(scores.argmin(0), together)
+    return np.asarray(idct(waves * kept[best].T, axis=0, norm="ortho")) + line

@@ -10,7 +10,8 @@ import torch
 from stages.inference.binding import Binding, bind_points, carry_points
 from stages.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion
-from stages.inference.solving import SolveOptions, _base_of, _build_chain, _linearise, _Pose, solve_pose
+from stages.inference.solve_equations import Pose, base_of, build_chain, linearise
+from stages.inference.solving import SolveOptions, solve_pose
 from tests.inference.examples import humanoid, swinging
 
 OPTIONS = SolveOptions(point_noise_m=0.02, huber_m=0.05, turn_prior_rad=0.5, shift_prior_m=0.3)
@@ -33,7 +34,7 @@ def shaken(pose: LocalPose, skeleton, size: float, seed: int = 1, track=(1,)) ->
     return correct_pose(pose, turns, shifts, skeleton, np.array(track if skeleton.root else ()))
 
 
-def cost_of(steps, targets, skeleton, binding, base: LocalPose, chain, pose: _Pose, track):
+def cost_of(steps, targets, skeleton, binding, base: LocalPose, chain, pose: Pose, track):
     """The objective in plain words, for one frame: steps (3 + 3A,) on top of `pose`."""
     turns = torch.zeros(1, skeleton.joints, 3, dtype=torch.float64)
     local = torch.zeros(skeleton.joints, 3, dtype=torch.float64)
@@ -55,7 +56,7 @@ def cost_of(steps, targets, skeleton, binding, base: LocalPose, chain, pose: _Po
     return fit + prior / 2
 
 
-def turned_from_base(base: LocalPose, skeleton, joint: int, pose: _Pose, row: int) -> torch.Tensor:
+def turned_from_base(base: LocalPose, skeleton, joint: int, pose: Pose, row: int) -> torch.Tensor:
     """Rotation of a joint in `pose` after the base's, (3, 3) float64. Row 0, the pelvis, is global in the pose."""
     if row == 0:
         _, rotations = base.world(skeleton.parents)
@@ -72,12 +73,12 @@ def test_gradient_is_autograds(above: bool, size: float):
     track = (1,) if above else ()
     base = shaken(pose, skeleton, 0.2)
     targets = place_on_pose(drawn, pose, skeleton)
-    chain = _build_chain(binding, skeleton.parents, skeleton.root, OPTIONS)
-    start = _base_of(chain, *base, skeleton.parents, skeleton.root)
+    chain = build_chain(binding, skeleton.parents, skeleton.root, OPTIONS)
+    start = base_of(chain, *base, skeleton.parents, skeleton.root)
     generator = torch.Generator().manual_seed(5)
     wiggle = roma.rotvec_to_rotmat(size * torch.randn(1, len(chain.joints), 3, generator=generator))
-    at = _Pose(start.local @ wiggle, start.root + size * torch.randn(1, 3, generator=generator))
-    system = _linearise(targets, at, chain, start, OPTIONS)
+    at = Pose(start.local @ wiggle, start.root + size * torch.randn(1, 3, generator=generator))
+    system = linearise(targets, at, chain, start, OPTIONS)
     steps = torch.zeros(3 + 3 * len(chain.joints), dtype=torch.float64, requires_grad=True)
     cost = cost_of(steps, targets[0], skeleton, binding, base, chain, at, track)
     (gradient,) = torch.autograd.grad(cost, steps)
@@ -89,10 +90,10 @@ def test_normal_matrix_is_the_jacobians():
     """Without robust weights the points' part is J'WJ, with J by finite differences of plain kinematics."""
     skeleton, _, pose, drawn, binding = scene(1, points=24)
     options = SolveOptions(huber_m=1e3)
-    chain = _build_chain(binding, skeleton.parents, 0, options)
-    base = _base_of(chain, *pose, skeleton.parents, 0)
-    at = _Pose(base.local, base.root)
-    system = _linearise(place_on_pose(drawn, pose, skeleton), at, chain, base, options)
+    chain = build_chain(binding, skeleton.parents, 0, options)
+    base = base_of(chain, *pose, skeleton.parents, 0)
+    at = Pose(base.local, base.root)
+    system = linearise(place_on_pose(drawn, pose, skeleton), at, chain, base, options)
     double = LocalPose(*(part.double() for part in pose))
     size = 3 + 3 * len(chain.joints)
 

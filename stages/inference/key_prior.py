@@ -1,0 +1,36 @@
+"""What the keys say of a rig's joints: how far, and about which axes, each of them turns at all.
+
+A hinge that bends about one axis in every key will not twist between them, and a twist joint that never moved will
+stay. Both show in the spread of a joint's rotations over the keys, and become the solve's prior.
+"""
+
+from __future__ import annotations
+
+import roma
+import torch
+from torch import Tensor
+
+OPEN_KEYS = 1.0  # a rig of unknown joints counts as so many keys
+
+
+def turn_prior(local: Tensor, open_rad: float, widening: float = 4.0) -> Tensor:
+    """Precision (J, 3, 3) of the corrections of the joints, in their own axes, 1 / radians^2.
+
+    The expected covariance of a correction is the mean of the joint's covariance over the keys, `widening` times,
+    and of `open_rad`^2 in all axes, the latter with the weight of `OPEN_KEYS` keys; never wider than the latter.
+
+    Args:
+        local: (K, J, 4) rotations at the keys in the parents' frames. With one key nothing is known.
+        open_rad: expected size of a correction where nothing is known.
+    """
+    keys = len(local)
+    open_cov = open_rad**2 * torch.eye(3, device=local.device)
+    signs = torch.where((local * local[:1]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
+    mean = torch.nn.functional.normalize((local * signs).mean(0), dim=-1)
+    away = roma.quat_product(roma.quat_conjugation(mean).expand_as(local), local * signs)
+    away = roma.unitquat_to_rotvec(torch.where(away[..., 3:] < 0, -away, away))
+    spread = torch.einsum("kji,kjl->jil", away, away) / max(keys - 1, 1)
+    expected = (keys * widening * spread + OPEN_KEYS * open_cov) / (keys + OPEN_KEYS)
+    values, axes = torch.linalg.eigh(expected)
+    values = values.clamp(max=open_rad**2)
+    return (axes / values.unsqueeze(-2)) @ axes.transpose(-1, -2)
