@@ -25,13 +25,15 @@ from stages.kinematics.plain_interpolation import Glide
 from stages.kinematics.resampling import resample
 from stages.progress import SILENT, Progress
 
+_HELD = Glide(0.0, 0.0)  # beyond the keys the pose stands still
+
 
 @dataclass(frozen=True)
 class _DecodingAlone:
     """The part of trained models that decoding needs."""
 
     autoencoder: Autoencoder
-    glide: Glide = Glide(0.0, 0.0)  # beyond the keys the pose is held
+    glide: Glide = _HELD
 
     def synthesise(
         self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
