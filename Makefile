@@ -11,6 +11,7 @@
 # make test        linters, types, import directions, tests
 # make bench-train   times training steps at the paper's sizes and writes docs/performance.md; PRESET, DEVICE=cuda,
 #                  BATCH=40, AUTHORS=adapter.py (another implementation's step, timed beside ours)
+# make bench-ingest  times reading, beside other libraries, and writes docs/performance.md; DATA='a.zip b.zip'
 # make lint | bench | clean-run RUN=mine | help
 #
 # A run's files are targets: a second call does only what is out of date, and a killed one goes on where it was.
@@ -36,7 +37,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents test lint bench bench-train install install-dev clean-run
+.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents test lint bench bench-train bench-ingest install install-dev clean-run
 .SUFFIXES:
 
 help:
@@ -266,6 +267,14 @@ bench: install-dev
 DEVICE  ?= cpu
 BATCH   ?= 2
 AUTHORS ?=
+
+# Reading motion files, beside other libraries that read them; DATA='a.zip b.zip', else the embedded clips.
+bench-ingest: $(VENV)/installed-bench
+	$(VENV)/bin/python benchmarks/reading.py $(DATA) --page docs/performance.md
+
+$(VENV)/installed-bench: $(VENV)/installed-dev
+	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev,bench]'
+	@touch $@
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \

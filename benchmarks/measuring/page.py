@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
+
+from measuring.section import replace_section
 
 
 def report(figures: dict[str, Any]) -> str:
@@ -71,9 +72,4 @@ def write_page(path: Path, figures: dict[str, Any]) -> None:
 
     Raises: SystemExit where the page has no such markers.
     """
-    begin, end = (f"<!-- bench-train {figures['device']}: {word} -->" for word in ("begin", "end"))
-    text = path.read_text(encoding="utf-8")
-    if begin not in text or end not in text:
-        raise SystemExit(f"{path} has no markers {begin} and {end}.")
-    fresh = f"{begin}\n\n{report(figures)}\n\n{end}"
-    path.write_text(re.sub(f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: fresh, text, flags=re.S), "utf-8")
+    replace_section(path, f"bench-train {figures['device']}", report(figures))
