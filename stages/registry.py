@@ -211,6 +211,12 @@ STAGES: tuple[Stage, ...] = (
         arguments=("run",), pipeline=False,
     ),
     Stage(
+        "export", ("export",), "stages.export",
+        "Give motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
+        ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         "inspect", ("inspect",), "stages.inspect_file",
         "Tell what a motion file holds: skeleton, body groups, pairs, unit, facing, rate, problems.",
         ("any format",), "", "pumps inspect walk.bvh",

@@ -8,12 +8,14 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import InputError
 from stages.formats.arrays import read_arrays
 from stages.formats.figure import Poses, Rig
-from stages.formats.recording import Asked, Recording, recording_of
+from stages.formats.recording import MAX_JOINTS, Asked, Recording, recording_of
 from stages.formats.smpl import GENDERS, LAYOUTS, RestJoints, neutral_joints, parents_of, subject_joints
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
+_Place = tuple[float, float, float]
 _PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")
-_WANTED = ("poses", "trans", "gender", "betas", *_RATES, *_PARTS)
+_RIG = ("joint_names", "parents", "offsets")
+_WANTED = ("poses", "trans", "gender", "betas", *_RATES, *_PARTS, *_RIG, "ends")
 _LAYOUT_OF = {3 * len(names): layout for layout, names in LAYOUTS.items()}
 
 
@@ -22,8 +24,9 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
     arrays, pickled = read_arrays(data, name, _WANTED)
     vectors = _pose_vectors(arrays, name)
     frames = len(vectors)
+    own = _own_rig(arrays, name, vectors.shape[1])
     layout = _LAYOUT_OF.get(vectors.shape[1])
-    if layout is None:
+    if own is None and layout is None:
         widths = ", ".join(f"{width} ({kind})" for width, kind in sorted(_LAYOUT_OF.items()))
         raise InputError(f"{name}: its poses are {vectors.shape[1]} wide, and there are {widths}.")
     notes: list[str] = []
@@ -33,21 +36,51 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
         trans = np.zeros((frames, 3))
     if trans.shape != (frames, 3):
         raise InputError(f"{name}: trans has the shape {trans.shape}, expected {(frames, 3)}.")
-    rest, remarks = _rest_joints(arrays, pickled, name, layout, asked)
-    names = LAYOUTS[layout]
-    rig = Rig(
-        names=names,
-        parents=parents_of(layout),
-        offsets=rest.offsets,
-        end_sites=((0.0, 0.0, 0.0),) * len(names),
-        placed=tuple(joint == 0 for joint in range(len(names))),
-        unit_m=1.0,
-        up_axis="z",
-    )
-    local = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(frames, len(names), 4)
+    if own is not None:
+        rig, pelvis, remarks = own, (0.0, 0.0, 0.0), []
+    else:
+        assert layout is not None
+        rest, remarks = _rest_joints(arrays, pickled, name, layout, asked)
+        ends = ((0.0, 0.0, 0.0),) * len(rest.offsets)
+        rig, pelvis = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ends), rest.pelvis
+    local = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(frames, len(rig.names), 4)
     # The model turns about the pelvis where it stands at rest, then moves by trans.
-    poses = Poses(local, trans + np.array(rest.pelvis), asked.fps_override or _rate(arrays, name))
+    poses = Poses(local, trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
     return [recording_of(name, rig, poses, asked, notes=notes, remarks=remarks)]
+
+
+def _rig(
+    names: tuple[str, ...], parents: tuple[int, ...], offsets: tuple[_Place, ...], ends: tuple[_Place, ...]
+) -> Rig:
+    placed = tuple(joint == 0 for joint in range(len(names)))
+    return Rig(names, parents, offsets, ends, placed, unit_m=1.0, up_axis="z")
+
+
+def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None:
+    """The rig of an AMASS-like file that brings its own (`stages.formats.amass_write`); None for SMPL's.
+
+    Raises: InputError where what it says of its joints does not fit its poses.
+    """
+    if not all(key in arrays for key in _RIG):
+        return None
+    names = tuple(str(joint) for joint in arrays["joint_names"].reshape(-1).tolist())
+    if names == LAYOUTS.get(_LAYOUT_OF.get(width, "")):
+        return None
+    joints = len(names)
+    offsets, ends = _numbers(arrays, "offsets", name), _numbers(arrays, "ends", name)
+    ends = np.zeros((joints, 3)) if ends is None else ends
+    parents = arrays["parents"]
+    sizes = (width, np.shape(offsets), ends.shape, parents.shape)
+    if sizes != (3 * joints, (joints, 3), (joints, 3), (joints,)) or parents.dtype.kind not in "iu":
+        raise InputError(f"{name}: joint_names, parents, offsets and poses are not of the same joints.")
+    if joints > MAX_JOINTS or parents[0] != -1 or ((parents[1:] < 0) | (parents[1:] >= np.arange(1, joints))).any():
+        raise InputError(f"{name}: parents are no tree in which the parent comes first.")
+    assert offsets is not None
+    return _rig(names, tuple(parents.tolist()), _places(offsets), _places(ends))
+
+
+def _places(rows: np.ndarray) -> tuple[_Place, ...]:
+    return tuple((x, y, z) for x, y, z in rows.tolist())
 
 
 def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:

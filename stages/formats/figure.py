@@ -266,6 +266,15 @@ def places_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
     )  # fmt: skip
 
 
+def local_rotations_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
+    """(T, J, 4) float64 unit rotations in the parents' frames, xyzw, continuous in sign; joint 0's in the world."""
+    rotations = motion.rotations.astype(np.float64)
+    local = rotations.copy()
+    inverse = rotations[:, skeleton.parents[1:]] * (-1.0, -1.0, -1.0, 1.0)
+    local[:, 1:] = euler.multiply(inverse, rotations[:, 1:])
+    return _continuous(local / np.linalg.norm(local, axis=-1, keepdims=True))
+
+
 def _world_positions(
     offsets: np.ndarray,
     root: np.ndarray,

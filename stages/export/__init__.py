@@ -1,0 +1,1 @@
+"""Motions in the forms that other programs read."""

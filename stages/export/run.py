@@ -1,0 +1,93 @@
+"""`pumps export`: clips in the forms that other programs read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from data_schemas.errors import InputError, UsageError
+from data_schemas.whole_file import write_whole
+from stages.config import StageReport
+from stages.export.clips import Clip, clips_of, names_of
+from stages.export.config import Config
+from stages.export.other_rig import bvh_on_rig
+from stages.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
+from stages.formats.bvh_of_motion import bvh_of_motion
+from stages.formats.figure import places_of
+from stages.formats.gltf_write import glb_of_motion
+from stages.formats.table_write import csv_of_motion, parquet_of_motion
+from stages.kinematics.anatomy import anatomy_of
+from stages.progress import SILENT, Progress
+
+SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parquet": ".parquet"}
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Write one clip to a file, or every clip to a folder.
+
+    Raises: UsageError where it is not said what to write; InputError where the input is none, has no such clip, or
+        the rig does not correspond.
+    """
+    into_folder = config.output.is_dir() or not config.output.suffix
+    kind = _kind_of(config, into_folder)
+    names = names_of(config)
+    progress.start("Writing clips", len(names) if names else None)
+    written: list[Path] = []
+    notes: list[str] = []
+    for clip in clips_of(config):
+        if not into_folder and written:
+            raise UsageError(f"{config.input} holds several clips.", "Name one with --clip, or a folder to write to.")
+        path = config.output / f"{clip.name}{SUFFIXES[kind]}" if into_folder else config.output
+        if path.exists() and not config.overwrite:
+            raise UsageError(f"{path} exists.", "Give --overwrite to replace it.")
+        data, remarks = _data_of(clip, kind, config)
+        write_whole(path, data)
+        written.append(path)
+        notes += [f"{clip.name}: {note}" for note in (*clip.notes, *remarks)]
+        progress.advance(1, clip.name)
+    if not written:
+        raise InputError(f"{config.input} holds no clip.")
+    told = str(written[0]) if len(written) == 1 else f"{len(written)} files into {config.output}"
+    return StageReport(
+        output=config.output,
+        lines=[f"wrote {told}", *dict.fromkeys(notes)],
+        figures={"format": kind, "files": [str(path) for path in written], "notes": notes},
+    )
+
+
+def _kind_of(config: Config, into_folder: bool) -> str:
+    if config.format != "auto":
+        kind = config.format
+    elif into_folder:
+        raise UsageError(f"{config.output} is a folder, so it is not said what to write.", "Give --format.")
+    else:
+        by_suffix = {suffix: kind for kind, suffix in SUFFIXES.items()}
+        kind = by_suffix.get(config.output.suffix.lower(), "")
+        if not kind:
+            raise UsageError(
+                f"{config.output.name} has none of the suffixes {', '.join(by_suffix)}.", "Or give --format."
+            )
+    if config.rig is not None and kind != "bvh":
+        raise UsageError(f"--rig is for BVH, and {kind} is to be written.", "Leave it out.")
+    return kind
+
+
+def _data_of(clip: Clip, kind: str, config: Config) -> tuple[bytes, list[str]]:
+    """The file's bytes, and what it does not tell of the clip."""
+    skeleton, motion = clip.skeleton, clip.motion
+    if kind == "bvh":
+        if config.rig is not None:
+            return bvh_on_rig(skeleton, motion, config.rig, clip.name)
+        return bvh_of_motion(skeleton, motion, clip.name), []
+    if kind == "glb":
+        first = places_of(skeleton, motion)[:1]
+        rest = anatomy_of(skeleton, first, motion.rotations[:1].astype(float)).rest
+        bind = "first" if rest == "no human pose" else "rest"
+        return glb_of_motion(skeleton, motion, clip.name, bind=bind, licence=clip.licence), []
+    if kind == "amass":
+        data, notes = amass_of_motion(skeleton, motion, clip.licence)
+        if smpl_layout_of(skeleton) is None:
+            notes.insert(0, f"AMASS-like, and not SMPL: surface_model_type is '{NOT_SMPL}'.")
+        return data, notes
+    if kind == "csv":
+        return csv_of_motion(skeleton, motion, config.values), []
+    return parquet_of_motion(skeleton, motion, clip.name, clip.licence), []
