@@ -8,6 +8,7 @@
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3
 #                  PC-MRL's tables, Bandai Namco to CMU and back; SHARED_DATA, BANDAI, CMU name the archives;
 #                  optional: RUN (pcmrl), PRESET (pcmrl), SET='train-citl.steps=20000', another RUN for other settings
+# make rig-report  the same tables' rig networks on the rigs' own test motions, beside the truth
 # make test        linters, types, import directions, tests
 # make bench-train   times training steps at the paper's sizes and writes docs/performance.md; PRESET, DEVICE=cuda,
 #                  BATCH=40, AUTHORS=adapter.py (another implementation's step, timed beside ours)
@@ -201,7 +202,9 @@ Q_PRESET := $(if $(filter file,$(origin PRESET)),pcmrl,$(PRESET))
 of_stage = --preset $(Q_PRESET) $(foreach each,$(filter $(1).%,$(SET)),--$(subst _,-,$(patsubst $(1).%,%,$(firstword $(subst =, ,$(each))))) '$(word 2,$(subst =, ,$(each)))')
 unfinished = @test -f $@ || { echo '$(@D): training stopped before its end; run make again to go on.' >&2; exit 1; }
 
-.PHONY: pcmrl-table1 pcmrl-table2 pcmrl-table3
+.PHONY: pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report
+rig-report: install $(Q)/bandai-to-cmu/own/manifest.json $(Q)/cmu-to-bandai/own/manifest.json
+	@cat $(Q)/*/own/data-*/summary.md
 pcmrl-table1: install $(Q)/bandai-to-cmu/table1/manifest.json $(Q)/cmu-to-bandai/table1/manifest.json
 	@cat $(Q)/*/table1/data-*/summary.md
 pcmrl-table2: install $(Q)/bandai-to-cmu/table2/manifest.json $(Q)/cmu-to-bandai/table2/manifest.json
@@ -234,6 +237,12 @@ $(Q)/$(1)-to-$(2)/citl-$(firstword $(subst =, ,$(each)))/manifest.json: $(Q)/$(1
 	$$(PUMPS) train citl $$(call of_stage,train-citl) $(if $(filter no-rpa=%,$(each)),--rest-pose-m 0) --tpc $$(<D) -o $$(@D)
 	$$(unfinished)
 )
+$(foreach way,network both,
+$(Q)/$(1)-to-$(2)/$(way)-own/manifest.json: $(Q)/$(2)/tpc/manifest.json $(Q)/$(1)-to-$(2)/skeleton/manifest.json
+	$$(PUMPS) decode --method $(way) --tpc $$(<D) --network $(Q)/$(1)-to-$(2)/skeleton -o $$(@D)
+)
+$(Q)/$(1)-to-$(2)/own/manifest.json: $(foreach way,network both,$(Q)/$(1)-to-$(2)/$(way)-own/manifest.json)
+	$$(PUMPS) measure motions --truth $(Q)/$(2)/ingest $(foreach way,network both,--made $(way)=$(Q)/$(1)-to-$(2)/$(way)-own) -o $$(@D)
 $(Q)/$(1)-to-$(2)/table1/manifest.json: $(Q)/$(2)/citl/manifest.json $(foreach each,no-rpa rpa,$(Q)/$(1)-to-$(2)/citl-$(each)/manifest.json)
 	$$(PUMPS) measure pcmrl $$(call of_stage,measure-pcmrl) $$(PCMRL_CATEGORY_$(2)) --truth $(Q)/$(2)/tpc --weights 'CITL, native=$(Q)/$(2)/citl' --weights 'PC-MRL w/o RPA=$(Q)/$(1)-to-$(2)/citl-no-rpa' --weights 'PC-MRL=$(Q)/$(1)-to-$(2)/citl-rpa' -o $$(@D)
 $(Q)/$(1)-to-$(2)/table2/manifest.json: $(foreach each,network both,$(Q)/$(1)-to-$(2)/$(each)-test-tpc/manifest.json)

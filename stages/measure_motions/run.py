@@ -27,6 +27,7 @@ from stages.statistics.tasks import RECONSTRUCTION
 from stages.statistics.windows import Window, chosen_windows
 
 _FRAMES_OFF = 2  # two roundings of a clip's length
+_SAME_M = 1e-3  # bones that differ by less are of one skeleton
 _LEFT_OUT = "key_jump_mm"  # there are no keys
 
 
@@ -38,19 +39,24 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with ExitStack() as opened:
         truth = opened.enter_context(MotionReader(config.truth))
         made = {name: opened.enter_context(MotionReader(path)) for name, path in _named(config.made).items()}
-        windows = _windows(truth, made, config)
+        windows, strange = _windows(truth, made, config)
         progress.start("measuring motions", len(windows) * len(made))
         rows = [row for name, reader in made.items() for row in _rows(truth, name, reader, windows, progress)]
         inputs = [truth.artefact, *(reader.artefact for reader in made.values())]
         page = (
             f"# Motions beside the true ones\n\nMade by:\n\n```\n{command_line('pumps measure motions', config)}\n"
-            f"```\n\n{task_tables(cells(rows, config.seed))}"
+            f"```\n\n{_left_out(strange)}\n\n{task_tables(cells(rows, config.seed))}"
         )
         figures = {"clips": len({row.clip for row in rows}), "windows": len(windows), "methods": list(made)}
+        figures["left_out"] = strange
         with write_artefact(config.output, "metrics", stage="measure-motions", config=config, inputs=inputs) as draft:
             draft.summary.update(figures)
             write_metrics(draft.folder, rows, page)
-    return StageReport(output=config.output, lines=[*_lines(rows), f"{config.output}, summary.md."], figures=figures)
+    return StageReport(
+        output=config.output,
+        lines=[*_lines(rows), _left_out(strange), f"{config.output}, summary.md."],
+        figures=figures,
+    )
 
 
 def _named(texts: Sequence[str]) -> dict[str, str]:
@@ -65,12 +71,23 @@ def _named(texts: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _windows(truth: MotionReader, made: dict[str, MotionReader], config: Config) -> list[tuple[ClipRow, Window]]:
-    """Windows of the clips that truth and all others have, in frames of the made motions."""
+def _left_out(clips: Sequence[str]) -> str:
+    if not clips:
+        return "All shared clips are measured."
+    return f"{len(clips)} shared clips, whose true motion is on another skeleton than the made one, are left out."
+
+
+def _windows(
+    truth: MotionReader, made: dict[str, MotionReader], config: Config
+) -> tuple[list[tuple[ClipRow, Window]], list[str]]:
+    """Windows of the clips that truth and all others have on the same joints, in frames of the made motions; and the
+    clips that are on others."""
     first = next(iter(made.values()))
     shared = set.intersection(*({row.clip for row in reader.clips} for reader in made.values()))
     by_archive: dict[str, list[list[Window]]] = defaultdict(list)
     rows = {row.clip: row for row in truth.clips if row.split in config.splits and row.clip in shared}
+    strange = sorted(clip for clip in rows if not all(_alike(truth, reader, clip) for reader in made.values()))
+    rows = {clip: row for clip, row in rows.items() if clip not in strange}
     for clip in sorted(rows):
         frames = min(reader.row(clip).frames for reader in made.values())
         size = min(config.window, frames)
@@ -79,10 +96,16 @@ def _windows(truth: MotionReader, made: dict[str, MotionReader], config: Config)
     chosen = [window for clips in by_archive.values() for window in chosen_windows(clips, config.max_windows)]
     if not chosen:
         raise InputError(
-            f"{truth.artefact.path} and {first.artefact.path} share no clip of {' or '.join(config.splits)}.",
-            "Give --splits, or make motions of these clips.",
+            f"{truth.artefact.path} and {first.artefact.path} share no clip of {' or '.join(config.splits)} "
+            "on the same joints.",
+            "Give --splits; `pumps measure pcmrl` compares motions on different joints, as clouds.",
         )
-    return [(rows[window.clip], window) for window in chosen]
+    return [(rows[window.clip], window) for window in chosen], strange
+
+
+def _alike(truth: MotionReader, made: MotionReader, clip: str) -> bool:
+    one, two = (reader.skeleton(reader.row(clip).skeleton) for reader in (truth, made))
+    return one.names == two.names and bool(np.allclose(one.tails, two.tails, atol=_SAME_M))
 
 
 def _rows(
@@ -115,15 +138,9 @@ def _rows(
 def _pair(truth: MotionReader, made: MotionReader, clip: str) -> tuple[Skeleton, tuple[Motion, Motion]]:
     """The clip's skeleton, its true motion at the made one's rate, and the made one.
 
-    Raises: InputError where they are of other joints, or of another length.
+    Raises: InputError where they are of another length.
     """
-    skeleton, other = (reader.skeleton(reader.row(clip).skeleton) for reader in (truth, made))
-    if skeleton.names != other.names or not np.allclose(skeleton.tails, other.tails, atol=1e-3):
-        raise InputError(
-            f"The clip {clip!r} of {made.artefact.path} is on another skeleton than the true one.",
-            "Only motions of the same joints can be measured; `pumps measure pcmrl` compares others as clouds.",
-        )
-    motion = made.motion(clip)
+    skeleton, motion = truth.skeleton(truth.row(clip).skeleton), made.motion(clip)
     true = resample(truth.motion(clip), motion.fps)
     if abs(true.frames - motion.frames) > _FRAMES_OFF:
         raise InputError(

@@ -51,7 +51,7 @@ def test_known_errors(tmp_path):
     write(tmp_path / "flipped", flipped)
     made = tuple(f"{name}={tmp_path / name}" for name in ("same", "moved", "flipped"))
     report = run(Config(truth=tmp_path / "truth", made=made, window=20, output=tmp_path / "out"))
-    assert report.figures == {"clips": 2, "windows": 2, "methods": ["same", "moved", "flipped"]}
+    assert report.figures == {"clips": 2, "windows": 2, "methods": ["same", "moved", "flipped"], "left_out": []}
     rows, page = read_metrics(tmp_path / "out")
     values = {(row.method, row.clip, row.metric): row.value for row in rows}
     for clip in ("clip0", "clip1"):
@@ -65,6 +65,21 @@ def test_known_errors(tmp_path):
     assert report.lines[1].startswith("moved: mpjpe_mm 50.0")
 
 
+def test_clips_on_another_skeleton_are_left_out(tmp_path):
+    write(tmp_path / "truth", TRUE)
+    above = humanoid(above=True)
+    with (
+        write_artefact(tmp_path / "mixed", "motion", stage="test", config={}, licences=["CC0"]) as draft,
+        MotionWriter(draft.folder) as writer,
+    ):
+        for clip, skeleton in (("clip0", SKELETON), ("clip1", above)):
+            row = ClipRow(clip, clip, "0" * 64, writer.add_skeleton(skeleton), 70, 60.0, 70 / 60, "test", "CC0")
+            writer.add_clip(row, swinging(skeleton, 70, 60.0))
+    report = run(Config(truth=tmp_path / "truth", made=(f"a={tmp_path / 'mixed'}",), output=tmp_path / "out"))
+    assert report.figures["clips"] == 1 and report.figures["left_out"] == ["clip1"]
+    assert any(line.startswith("1 shared clip") for line in report.lines)
+
+
 @pytest.mark.parametrize(
     ("made", "error", "says"),
     [
@@ -72,7 +87,7 @@ def test_known_errors(tmp_path):
         (("truth",), UsageError, "NAME=MOTION"),
         (("a={0}/truth", "a={0}/truth"), UsageError, "NAME=MOTION"),
         (("a={0}/nowhere",), InputError, "nowhere"),
-        (("a={0}/other",), InputError, "another skeleton"),
+        (("a={0}/other",), InputError, "on the same joints"),
         (("a={0}/shorter",), InputError, "frames"),
         (("a={0}/strange",), InputError, "share no clip"),
     ],
