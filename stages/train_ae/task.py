@@ -94,7 +94,7 @@ class AutoencoderTask:
             divergence = decoder.divergence(features, groups)
         return Reconstruction(made, points, groups, valid, divergence)
 
-    def loss(self, batch: CloudBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
+    def loss(self, batch: CloudBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         made, points, groups, valid, divergence = self._reconstruct(batch, generator)
         count = self.config.loss_points
         if 0 < count < points.shape[2]:
@@ -103,12 +103,13 @@ class AutoencoderTask:
         choose_pairs = nearest_differences if self.config.loss == "chamfer" else paired_difference
         moving, static = split_over_time(choose_pairs(made, points, groups, valid) / _UNIT_M, valid)
         value = static + (1 + self.config.variation_weight) * moving
-        figures = {"rec": float((static + moving).detach()), "moving": float(moving.detach())}
+        # Figures stay on the device: reading them would wait for it.
+        figures = {"rec": (static + moving).detach(), "moving": moving.detach()}
         if self.config.decoder.identities == "vae":
             # -log p = half the squared distance over the observation's variance, here one unit, plus the divergence.
             nats = divergence[valid].mean()
             value = value + 2 * self.config.prior_weight * nats
-            figures["divergence"] = float(nats.detach())
+            figures["divergence"] = nats.detach()
         return value, figures
 
     def validate(self) -> dict[str, float]:

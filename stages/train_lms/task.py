@@ -156,12 +156,12 @@ class SynthesiserTask:
         ]
         return errors[0], errors[1]
 
-    def loss(self, batch: FillBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
+    def loss(self, batch: FillBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Frames' root mean square errors, not squares, which would learn long gaps alone. The clouds' error is the
         one that a user sees; the latents' own (PUMPS 3.3) also asks for what the decoder does not look at."""
         made, base = self._errors(batch, generator)
         value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
-        return value, {f"{name}_of_base": float(made[name].detach() / base[name]) for name in made}
+        return value, {f"{name}_of_base": made[name].detach() / base[name] for name in made}
 
     def validate(self) -> dict[str, float]:
         """The clouds' and latents' errors as shares of the base's, for keys every 5, 15 and 30 frames and a
