@@ -32,7 +32,9 @@ def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
     first = panels[0].points.double().numpy()
     view = _front_view(first, kinds)
     flat = [panel.points.double().numpy() @ view.T for panel in panels]
-    low, high = flat[0].min((0, 1)) - 0.15, flat[0].max((0, 1)) + 0.15
+    # Room for all panels, but no more than half a metre beyond the first: one cloud gone astray shall not shrink all.
+    low = np.maximum(np.min([each.min((0, 1)) for each in flat], axis=0), flat[0].min((0, 1)) - 0.5) - 0.05
+    high = np.minimum(np.max([each.max((0, 1)) for each in flat], axis=0), flat[0].max((0, 1)) + 0.5) + 0.05
     width, height = ((high - low) * _PIXELS_A_METRE)[:2]
     frames = (0, first.shape[0] // 2, first.shape[0] - 1)
     left = [_LABEL + place * (width + _GAP) for place in range(4)]
