@@ -1,29 +1,31 @@
 """CITL in one skeleton's pose space, as PC-MRL (3.4) changes it: FOQ in and out, learned relative positions.
 
 Three stages of attention: over the keys alone; from the missing frames (a learned token each) to the encoded keys;
-over all frames. What it sees of a frame are the root's place, every bone's first-frame-offset quaternion and the
-direction its bone points in, so nothing of it depends on a bone's absolute roll, nor on the skeleton's rest pose.
-Ours: the world is moved so that the first key faces one way and the keys' roots are at the origin, and what comes
-out is a residual on a plain interpolation of the keys, zero before training.
+over all frames. What it sees of a frame are every bone's first-frame-offset quaternion, the direction its bone points
+in, and how the root gets there from the keys beside it, so nothing of it depends on a bone's absolute roll, nor on
+the skeleton's rest pose. Ours: each frame is seen facing one way, by the heading of a plain interpolation of keys,
+and what comes out is a residual on that interpolation, zero before training.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import roma
 import torch
 from torch import Tensor, nn
 
 from stages.kinematics.foq import first_frame_offsets, rotations_from_offsets
+from stages.kinematics.forward import joint_positions
 from stages.networks.relative_attention import RelativeLayer
 from stages.networks.sizes import InterpolatorSizes
-from stages.networks.synthesiser import key_distance, place_in_gap
-from stages.pointcloud.heading import across_of, turned, yaw_quaternions
+from stages.networks.synthesiser import key_distance, neighbouring_keys, place_in_gap
+from stages.pointcloud.heading import headings_of, turned
 
 _FAR_FRAMES = 15.0  # from here on, a missing frame's residual is at its full size
-_FAR_M = 0.1  # the size of a root's residual there, metres
-_FAR_RAD = 0.1  # and of a bone's, radians: steps of training that are small beside what a plain interpolation misses
+_FAR_M = 0.2  # the size of a root's residual there, metres
+_FAR_RAD = 0.3  # and of a bone's, radians: about what a plain interpolation misses in a second's gap
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class PoseInterpolator(nn.Module):
     def __init__(self, parents: list[int], groups: list[int], sizes: InterpolatorSizes):
         super().__init__()
         self.sizes, self.parents, self.groups = sizes, list(parents), list(groups)
-        width, features = sizes.width, 3 + 9 * len(parents)
+        width, features = sizes.width, 11 + 9 * len(parents)
         self.embed_key = nn.Linear(features, width)
         self.embed_missing = nn.Linear(features + 8, width)
         self.missing_token = nn.Parameter(torch.randn(width) * 0.02)
@@ -89,39 +91,34 @@ class PoseInterpolator(nn.Module):
         gate = known[..., None, None]
         heads = torch.where(gate, truth.heads, base.heads)
         rotations = torch.where(gate, truth.rotations, base.rotations)
-        yaw, origin = self._placing(heads, known)
-        facing = yaw_quaternions(yaw).view(-1, 1, 1, 4).expand_as(rotations)
-        offsets = first_frame_offsets(roma.quat_product(facing, rotations))
-        roots = turned(heads[:, :, 0] - origin, yaw.unsqueeze(-1))
-        features = self._features(roots, offsets, rotations, truth.tails, yaw)
+        groups = torch.tensor(self.groups, device=heads.device).expand(len(heads), -1)
+        yaw = headings_of(heads, groups, valid)
+        offsets = first_frame_offsets(rotations)
+        directions = roma.quat_action(rotations, truth.tails.unsqueeze(1).expand(*rotations.shape[:-1], 3))
+        features = torch.cat([self._way(heads[:, :, 0], yaw, known), _seen(offsets, directions, yaw)], dim=-1)
         residual = self._fill(features, known, times, valid)
 
         far = key_distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
-        residual = residual.float() * torch.where(known.unsqueeze(-1), 0, far)
-        # The further residual by `far` makes a root's error grow with the square of the distance to the key.
-        roots = roots + _FAR_M * far * residual[..., :3]
-        turns = roma.rotvec_to_unitquat(_FAR_RAD * residual[..., 3:].unflatten(-1, (-1, 3)))
-        offsets = roma.quat_product(turns, offsets)
-        first = roma.quat_product(facing[:, 0], rotations[:, 0])
-        made = rotations_from_offsets(offsets, first)
-        made = roma.quat_product(roma.quat_conjugation(facing), made)
-        made_heads = self._heads(turned(roots, -yaw.unsqueeze(-1)) + origin, made, heads, rotations)
+        # What the plain interpolation misses grows faster than the distance to the key: so must what is added.
+        residual = residual.float() * torch.where(known.unsqueeze(-1), 0, far**1.5)
+        roots = heads[:, :, 0] + turned(_FAR_M * residual[..., :3], -yaw)
+        turns = turned(_FAR_RAD * residual[..., 3:].unflatten(-1, (-1, 3)), -yaw.unsqueeze(-1))
+        offsets = roma.quat_product(roma.rotvec_to_unitquat(turns), offsets)
+        made = rotations_from_offsets(offsets, rotations[:, 0])
+        made_heads = self._heads(roots, made, heads, rotations)
         return torch.where(gate, truth.heads, made_heads), torch.where(gate, truth.rotations, made)
 
-    def _placing(self, heads: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
-        """Yaw (B,) that makes the first frame face +Z, and the mean (B, 1, 3) of the keys' roots."""
-        groups = torch.tensor(self.groups, device=heads.device).expand(len(heads), -1)
-        across = across_of(heads[:, :1], groups)[:, 0]
-        weight = known.unsqueeze(-1).to(heads.dtype)
-        origin = (heads[:, :, 0] * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True)
-        return torch.atan2(across[:, 1], across[:, 0]), origin
-
-    def _features(self, roots: Tensor, offsets: Tensor, rotations: Tensor, tails: Tensor, yaw: Tensor) -> Tensor:
-        """(B, T, 3 + 9 J): the root's place, FOQ as two columns of their matrices, the bones' directions."""
-        directions = roma.quat_action(rotations, tails.unsqueeze(1).expand(*rotations.shape[:-1], 3))
-        directions = nn.functional.normalize(turned(directions, yaw.view(-1, 1, 1)), dim=-1)
-        columns = roma.unitquat_to_rotmat(offsets)[..., :2]
-        return torch.cat([roots, columns.flatten(2), directions.flatten(2)], dim=-1)
+    def _way(self, roots: Tensor, yaw: Tensor, known: Tensor) -> Tensor:
+        """(B, T, 11): the root's height above the keys' mean; the ways from the key before and to the key after as
+        the frame sees them, metres; cosines and sines of the turns from and to their headings."""
+        weight = known.to(roots.dtype)
+        height = roots[..., 1] - (roots[..., 1] * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True)
+        parts = [height.unsqueeze(-1)]
+        for key in neighbouring_keys(known):
+            there = roots.gather(1, key.unsqueeze(-1).expand_as(roots))
+            angle = yaw - yaw.gather(1, key)
+            parts += [turned(there - roots, yaw), angle.cos().unsqueeze(-1), angle.sin().unsqueeze(-1)]
+        return torch.cat(parts, dim=-1)
 
     def _fill(self, features: Tensor, known: Tensor, times: Tensor, valid: Tensor | None) -> Tensor:
         """What the attention says of every frame, (B, T, 3 + 3 J)."""
@@ -138,10 +135,17 @@ class PoseInterpolator(nn.Module):
 
     def _heads(self, roots: Tensor, made: Tensor, heads: Tensor, rotations: Tensor) -> Tensor:
         """Forward kinematics of roots (B, T, 3) and global rotations, on the bone offsets of the base."""
-        out = [roots]
-        for bone in range(1, len(self.parents)):
-            above = self.parents[bone]
-            inverse = roma.quat_conjugation(rotations[:, :, above])
-            offset = roma.quat_action(inverse, heads[:, :, bone] - heads[:, :, above])
-            out.append(out[above] + roma.quat_action(made[:, :, above], offset))
-        return torch.stack(out, dim=2)
+        above = self.parents[1:]
+        inverse = roma.quat_conjugation(rotations[:, :, above])
+        steps = roma.quat_action(inverse, heads[:, :, 1:] - heads[:, :, above])
+        offsets = nn.functional.pad(steps, (0, 0, 1, 0))
+        return joint_positions(made, roots, offsets, np.array(self.parents))
+
+
+def _seen(offsets: Tensor, directions: Tensor, yaw: Tensor) -> Tensor:
+    """FOQ as two columns of their matrices, and bones' directions, as each frame's figure sees them: (B, T, 9 J)."""
+    around = yaw.unsqueeze(-1)
+    turns = turned(offsets[..., :3], around)  # a rotation seen from elsewhere has its axis turned, no more
+    columns = roma.unitquat_to_rotmat(torch.cat([turns, offsets[..., 3:]], dim=-1))[..., :2]
+    directions = nn.functional.normalize(turned(directions, around), dim=-1)
+    return torch.cat([columns.flatten(2), directions.flatten(2)], dim=-1)
