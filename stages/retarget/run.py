@@ -8,13 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import InputError, UsageError
+from data_schemas.motion import skeleton_id
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.formats.bvh import BvhFile, read_bvh
 from stages.formats.bvh_motion import motion_of, values_of
 from stages.formats.bvh_write import write_bvh
-from stages.inference.retarget_clouds import pull_to_places
+from stages.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.inference.local_pose import pose_of_motion
+from stages.inference.retarget_clouds import SIGMA_M, pull_to_places
+from stages.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
 from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.kinematics.forward import positions_of
 from stages.kinematics.retargeting import Retargeted, retarget
@@ -40,16 +44,33 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     target, poses, rig_notes = motion_of(rig)
     progress.advance(note="read")
     turned = retarget(source, motion, target, poses)
-    made = turned.motion
-    if config.method == "solve":
-        device = choose_device(config.device)
-        made = pull_to_places(source, motion, target, turned, points=config.points, seed=config.seed, device=device)
+    made = _moved(config, source, motion, target, turned)
     progress.advance(note="moved")
     rows = values_of(rig, target, made)
     write_whole(config.output, write_bvh(rig, rows, frame_count=made.frames, frame_time=1 / made.fps))
     progress.advance(note="written")
     notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in rig_notes)]
     return _report(config, source, motion, target, made, turned, notes, time.perf_counter() - started)
+
+
+def _moved(config: Config, source: Skeleton, motion: Motion, target: Skeleton, turned: Retargeted) -> Motion:
+    """The target's motion by the method asked for."""
+    if config.method == "turns":
+        return turned.motion
+    if config.method == "solve":
+        device = choose_device(config.device)
+        return pull_to_places(source, motion, target, turned, points=config.points, seed=config.seed, device=device)
+    network = load_rig_network(str(config.network), config.device)
+    if skeleton_id(network.rig.skeleton) != skeleton_id(target):
+        raise InputError(
+            f"{config.network} was trained for another rig than {config.to}.",
+            f"Train one for it: pumps train skeleton --skeleton {config.to}.",
+        )
+    drawn = draw_on_skeleton(source, config.points, np.random.default_rng(config.seed), SIGMA_M)
+    cloud = place_on_pose(drawn, pose_of_motion(source, motion), source)
+    in_size = turned.in_targets_world(cloud.numpy())
+    decode = solve_from_network if config.method == "both" else decode_cloud
+    return decode(network, in_size.astype(np.float32), drawn.groups, motion.fps)
 
 
 def _read(path: Path) -> BvhFile:

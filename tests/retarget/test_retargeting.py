@@ -20,6 +20,9 @@ from stages.kinematics.forward import positions_of
 from stages.kinematics.retargeting import is_human_pose, rest_pose, retarget
 from stages.retarget.config import Config
 from stages.retarget.run import run
+from stages.train_skeleton.config import Config as TrainSkeleton
+from stages.train_skeleton.run import run as train_skeleton
+from tests.training.tiny_clouds import write_clouds
 
 CLIPS = Path(stages.clips.__file__).parent
 KICK = CLIPS / "kick.bvh"
@@ -200,3 +203,28 @@ def test_the_command_writes_the_rigs_header_and_the_motions_frames(tmp_path: Pat
     with pytest.raises(InputError, match="cannot be read"):
         run(Config(input=tmp_path / "none.bvh", to=rig, output=tmp_path / "new.bvh"))
     assert run(Config(input=KICK, to=rig, output=out, overwrite=True)).output == out
+
+
+def test_a_rigs_network_moves_that_rig_and_no_other(tmp_path: Path):
+    clouds = write_clouds(tmp_path / "tpc")
+    rig = CLIPS / "walk.bvh"
+    train_skeleton(
+        TrainSkeleton.model_validate(
+            {
+                "skeleton": str(rig), "tpc": (clouds,), "output": tmp_path / "network", "device": "cpu", "steps": 2,
+                "batch": 2, "window": 8, "points": 40, "loss_points": 60, "validate_every": 2,
+                "encoder": {"width": 8, "blocks": 2, "neighbours": 4, "heads": 2},
+                "network": {"width": 32, "layers": 1, "heads": 2},
+            }
+        )
+    )  # fmt: skip
+    for method in ("network", "both"):
+        out = tmp_path / f"{method}.bvh"
+        run(Config(input=KICK, to=rig, output=out, method=method, network=tmp_path / "network", device="cpu"))
+        assert read_bvh(out.read_bytes(), "out").frames == read_bvh(KICK.read_bytes(), "kick").frames
+    other = tmp_path / "other.bvh"
+    other.write_bytes(rig.read_bytes().replace(b"OFFSET 13.", b"OFFSET 15."))
+    with pytest.raises(InputError, match="another rig"):
+        run(Config(input=KICK, to=other, output=tmp_path / "o", method="network", network=tmp_path / "network"))
+    with pytest.raises(ValueError, match="--network"):
+        Config(input=KICK, to=rig, output=tmp_path / "o", method="network")
