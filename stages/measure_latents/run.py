@@ -17,6 +17,7 @@ from data_schemas.manifest import MANIFEST_NAME, open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader, skeleton_id
 from stages.config import StageReport
+from stages.inference.measured_clouds import redraw_cloud
 from stages.inference.models import Autoencoder, load_autoencoder, weights_folder
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.resampling import resample, resampled_frames
@@ -66,7 +67,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     figures: dict[str, list[dict[str, float]]] = defaultdict(list)
     for number, base in enumerate(bases):
         noise = autoencoder.draw_noise(base.truth.groups.shape[1], config.seed)
-        figures[BASE].append(_decoded(autoencoder, base, base.truth, base.latents, base.centroids, noise, True))
+        decoded = _decoded(autoencoder, base, base.truth, base.latents, base.centroids, noise, True)
+        figures[BASE].append(decoded | _level(base, config.seed))
         for place, change in enumerate(rows_of):
             rng = base.scene.seed(config.seed, place + 2)
             figures[change.name].append(_figures(autoencoder, book, number, change, rng, noise))
@@ -212,6 +214,15 @@ def _decoded(
         whole, moving, _ = distances(apart)
         figures |= {f"{name}_mm": 1000 * float(whole), f"{name}_moving_mm": 1000 * float(moving)}
     return figures
+
+
+def _level(base: Base, seed: int) -> dict[str, float]:
+    """How far another draw of the base's cloud is from it: what of the decoded clouds' distance is no error."""
+    scene, groups = base.scene, base.truth.groups[0]
+    other = redraw_cloud(scene.bones, groups, scene.seed(seed, 0)).on(scene.bones, scene.sigma_m)
+    apart = paired_difference(other.unsqueeze(0), base.truth.clouds, groups.unsqueeze(0))
+    whole, moving, _ = distances(apart)
+    return {"level_mm": 1000 * float(whole), "level_moving_mm": 1000 * float(moving)}
 
 
 def _rows(
