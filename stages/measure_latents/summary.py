@@ -78,8 +78,8 @@ def summary_md(measured: Measured) -> str:
         *_table(measured),
         "",
         _LEGEND + "\n",
-        f"Two true draws of the clouds, unchanged, are {level} mm apart and vary over time by {moving} mm: a level that "
-        "is no error.\n",
+        f"Two true draws of the clouds, unchanged, are {level} mm apart and vary over time by {moving} mm: a level "
+        "that is no error.\n",
     ]
     if len(archives) > 1:
         parts += ["## By data set: move, as a share of the distance of any two frames\n", *_by_archive(measured), ""]
