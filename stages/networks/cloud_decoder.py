@@ -95,7 +95,7 @@ class CloudDecoder(nn.Module):
 
     def place_points(self, frames: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
         """Points (B, T, P, 3), metres, of frames' features (B, T, W)."""
-        return self.head(frames, groups, noise).float() + centroids.unsqueeze(2)
+        return self.head(frames, groups, noise).to(centroids.dtype) + centroids.unsqueeze(2)
 
     def divergence(self, frames: Tensor, groups: Tensor) -> Tensor:
         """How far the points' codes are from N(0, 1), (B, T, P) nats; 0 but for `vae`."""

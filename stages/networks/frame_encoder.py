@@ -122,7 +122,7 @@ class FrameEncoder(nn.Module):
             features = self._block(block, features, places, level)
             if level.centres is not None:
                 places = take(places, level.centres)
-        latents = features.amax(dim=1).float()
+        latents = features.amax(dim=1).to(points.dtype)
         return F.layer_norm(latents, latents.shape[-1:]), centroids
 
     def _block(self, block: int, features: Tensor, places: Tensor, level: Level) -> Tensor:

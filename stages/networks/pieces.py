@@ -7,7 +7,8 @@ pieces, they stay in the caches and are never kept; the price is that the backwa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -15,7 +16,7 @@ from torch import Tensor
 
 # Values of the largest intermediate result of a piece: a few MiB, so that what one step of the work writes is still
 # in the cores' caches when the next reads it.
-_CPU_VALUES = 2**19
+_CPU_VALUES = 2**20
 # A GPU is fast only on much work at once, so there pieces serve memory alone: with activation checkpointing.
 _GPU_VALUES = 2**26
 _ALL = 2**62
@@ -61,7 +62,6 @@ class _Pieces(torch.autograd.Function):
         ctx.autocast = (kind, torch.get_autocast_dtype(kind), torch.is_autocast_enabled(kind))
         ctx.save_for_backward(*tensors)
         parts = [part.detach() for part in tensors[:count]]
-        # Casts of weights made here know no gradient, so they must not be kept for the layers that follow.
         with _autocast(ctx):
             return torch.cat([run(*piece) for piece in zip(*(part.split(rows) for part in parts), strict=True)])
 
@@ -75,22 +75,28 @@ class _Pieces(torch.autograd.Function):
         sums: list[Tensor] = []
         begin = 0
         pieces = zip(*(part.split(ctx.rows) for part in parts), strict=True)
-        for piece, grad in zip(pieces, grads[0].split(ctx.rows), strict=True):
-            own = [part.detach().requires_grad_(asked) for part, asked in zip(piece, own_wanted, strict=True)]
-            with torch.enable_grad(), _autocast(ctx):
+        with torch.enable_grad(), _autocast(ctx):
+            for piece, grad in zip(pieces, grads[0].split(ctx.rows), strict=True):
+                own = [part.detach().requires_grad_(asked) for part, asked in zip(piece, own_wanted, strict=True)]
                 made = ctx.run(*own)
-            asked_of = [part for part in own if part.requires_grad] + learning
-            found = list(torch.autograd.grad(made, asked_of, grad))
-            for whole in of_parts:
-                if whole is not None:
-                    whole[begin : begin + len(grad)] = found.pop(0)
-            sums = [one.add_(two) for one, two in zip(sums, found, strict=True)] if sums else found
-            begin += len(grad)
+                asked_of = [part for part in own if part.requires_grad] + learning
+                found = list(torch.autograd.grad(made, asked_of, grad))
+                for whole in of_parts:
+                    if whole is not None:
+                        whole[begin : begin + len(grad)] = found.pop(0)
+                sums = [one.add_(two) for one, two in zip(sums, found, strict=True)] if sums else found
+                begin += len(grad)
         rest = iter(sums)
         of_learnt = [next(rest) if asked else None for asked in wanted[ctx.count :]]
         return None, None, None, *of_parts, *of_learnt
 
 
-def _autocast(ctx: Any) -> torch.autocast:
+@contextmanager
+def _autocast(ctx: Any) -> Iterator[None]:
+    """The forward pass's autocast, around all pieces: weights are cast once for all. Casts made here without gradient
+    must not be found by layers that need one, nor the other way round."""
     kind, dtype, enabled = ctx.autocast
-    return torch.autocast(kind, dtype, enabled=enabled, cache_enabled=False)
+    torch.clear_autocast_cache()
+    with torch.autocast(kind, dtype, enabled=enabled):
+        yield
+    torch.clear_autocast_cache()

@@ -141,5 +141,5 @@ class LatentSynthesiser(nn.Module):
         frames = torch.where(gate, keys, missing)
         frames = self.frame_layers(frames, times, known=valid)
         far = key_distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
-        residual = self.out(self.norm(frames)).float() * torch.where(gate, 0, far)
+        residual = self.out(self.norm(frames)).to(latents.dtype) * torch.where(gate, 0, far)
         return base_latents + residual[..., :-3], base_centroids + _FAR_M * far * residual[..., -3:]

@@ -2,7 +2,7 @@
 
 import torch
 
-from stages.networks.attention import TimeAttention, TimeLayer, rotary_angles, rotate
+from stages.networks.attention import TimeAttention, TimeLayer, rotary_angles, rotate, sinusoids
 
 
 def test_rotary_step_keeps_lengths_and_scores_depend_on_the_gap_alone():
@@ -48,3 +48,11 @@ def test_shifting_all_times_changes_nothing():
     layer = TimeLayer(16, 4).eval()
     frames, times = torch.randn(1, 9, 16), torch.arange(9.0).unsqueeze(0)
     torch.testing.assert_close(layer(frames, times + 37.5), layer(frames, times), atol=1e-4, rtol=1e-4)
+
+
+def test_sinusoids_are_the_formula_written_out():
+    times = torch.tensor([[0.0, 2.5]])
+    for step in range(4):
+        angle = times / 10000 ** (2 * step / 8)
+        torch.testing.assert_close(sinusoids(times, 8)[..., step], angle.sin())
+        torch.testing.assert_close(sinusoids(times, 8)[..., 4 + step], angle.cos())

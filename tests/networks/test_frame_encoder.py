@@ -102,3 +102,13 @@ def test_gradients_agree_with_finite_differences():
         torch.randn(1, 3, 3, dtype=torch.double, requires_grad=True),
     )
     assert torch.autograd.gradcheck(lambda features, places: layer(features, places, neighbours), inputs)
+
+
+def test_neighbours_are_not_chosen_by_rounded_places(encoder):
+    """Under bfloat16 latents differ by rounding alone: two points a millimetre apart keep their places."""
+    points, groups = cloud(200)
+    exact = encoder(points, groups)[0]
+    with torch.autocast("cpu", torch.bfloat16):
+        mixed = encoder(points, groups)[0]
+    assert mixed.dtype == torch.float32
+    assert (mixed - exact).abs().mean() < 0.02

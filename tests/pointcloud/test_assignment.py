@@ -2,7 +2,10 @@
 
 from itertools import permutations
 
+import numpy as np
+import pytest
 import torch
+from scipy.optimize import linear_sum_assignment
 
 from stages.pointcloud.assignment import assign, chamfer_squared, paired_difference, trajectory_costs
 
@@ -60,3 +63,21 @@ def test_a_group_with_no_point_or_one_point_costs_nothing_but_itself():
     groups[:, 0] = 4
     assert (assign(trajectory_costs(one, two), groups)[:, 0] == 0).all()
     assert torch.isfinite(chamfer_squared(one, two, groups))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_the_cost_is_the_least_of_all_pairings_that_stay_in_their_group(threads):
+    """SciPy on whole tables, where pairs across groups are forbidden by their cost, finds nothing cheaper."""
+    generator = torch.Generator().manual_seed(5)
+    costs = torch.rand(7, 40, 40, generator=generator)
+    groups = torch.randint(0, 5, (7, 40), generator=generator)
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        pairs = assign(costs, groups)
+    finally:
+        torch.set_num_threads(before)
+    for table, group, chosen in zip(costs.numpy(), groups.numpy(), pairs.numpy(), strict=True):
+        forbidden = np.where(group[:, None] == group[None], table.astype(np.float64), 1e6)
+        rows, columns = linear_sum_assignment(forbidden)
+        assert forbidden[np.arange(40), chosen].sum() == pytest.approx(forbidden[rows, columns].sum())

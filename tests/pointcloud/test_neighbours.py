@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from stages.pointcloud.neighbours import farthest_points, nearest_points, take
+from stages.pointcloud.neighbours import farthest_points, nearest_points, pooling_levels, squared_distances, take
 
 
 def plain_farthest(points: np.ndarray, count: int) -> list[int]:
@@ -42,3 +42,47 @@ def test_nearest_points_are_the_nearest_and_hold_the_point_itself():
 def test_fewer_points_than_neighbours_are_all_taken():
     cloud = torch.randn(2, 5, 3)
     assert nearest_points(cloud, cloud, 8).shape == (2, 5, 5)
+
+
+@pytest.mark.parametrize(("points", "count"), [(50, 6), (17, 8), (4, 8), (1, 3)])
+def test_pooling_levels_are_plain_searches_level_by_level(points, count):
+    clouds = torch.randn(19, points, 3, generator=torch.Generator().manual_seed(points))
+    levels = pooling_levels(clouds, 3, count)
+    assert len(levels) == 3
+    for level, found in enumerate(levels):
+        apart = torch.cdist(clouds.double(), clouds.double()).numpy()
+        wanted = np.sort(np.argsort(apart, axis=-1)[..., :count], axis=-1)
+        np.testing.assert_array_equal(found.neighbours.sort(-1).values.numpy(), wanted)
+        if level == 2:
+            assert found.centres is None
+            break
+        assert found.centres is not None
+        for cloud, chosen in zip(clouds.numpy(), found.centres.tolist(), strict=True):
+            assert chosen == plain_farthest(cloud, -(-len(cloud) // 4))
+        clouds = take(clouds, found.centres)
+
+
+def test_threads_change_no_level():
+    clouds, before = torch.randn(40, 30, 3), torch.get_num_threads()
+    found = []
+    for threads in (1, 3):
+        torch.set_num_threads(threads)
+        try:
+            found.append(pooling_levels(clouds, 2, 5))
+        finally:
+            torch.set_num_threads(before)
+    torch.testing.assert_close(found[0][0].neighbours, found[1][0].neighbours)
+    torch.testing.assert_close(found[0][0].centres, found[1][0].centres)
+
+
+def test_points_in_one_place_have_as_many_neighbours_as_others():
+    cloud = torch.zeros(1, 9, 3)
+    cloud[0, 4:] = torch.randn(5, 3)
+    for found in (pooling_levels(cloud, 1, 4)[0].neighbours, nearest_points(cloud, cloud, 4)):
+        assert all(len(set(row)) == 4 for row in found[0].tolist())
+
+
+def test_squared_distances_are_those_of_differences():
+    first, second = torch.randn(2, 7, 3), torch.randn(2, 5, 3)
+    expected = (first.unsqueeze(2) - second.unsqueeze(1)).square().sum(-1)
+    torch.testing.assert_close(squared_distances(first, second), expected, atol=1e-5, rtol=1e-5)
