@@ -4,6 +4,7 @@
 #                  COMPARE='tiny' measures shipped weights beside those trained
 # make table2      PUMPS Table 2: the autoencoder and six changed in one thing each, trained and measured alike
 #                  optional: DATA, SPLITS, RUN, PRESET, SET as above
+# make solve-report   how well skeletons follow true, noisy, larger and smaller clouds; SOLVE_CLIPS=40
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3
 #                  PC-MRL's tables, Bandai Namco to CMU and back; SHARED_DATA, BANDAI, CMU name the archives;
@@ -13,6 +14,7 @@
 # make bench-train   times training steps at the paper's sizes and writes docs/performance.md; PRESET, DEVICE=cuda,
 #                  BATCH=40, AUTHORS=adapter.py (another implementation's step, timed beside ours)
 # make bench-ingest  times reading, beside other libraries, and writes docs/performance.md; DATA='a.zip b.zip'
+# make any-humanoid  how often bodies are found on rigs without names, and writes docs/formats.md; DATA='a.zip b.zip'
 # make lint | bench | clean-run RUN=mine | help
 #
 # A run's files are targets: a second call does only what is out of date, and a killed one goes on where it was.
@@ -38,7 +40,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents test lint bench bench-train bench-ingest install install-dev clean-run
+.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured test lint bench bench-train bench-ingest any-humanoid install install-dev clean-run
 .SUFFIXES:
 
 help:
@@ -183,6 +185,25 @@ $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.jso
 	$(PUMPS) measure latents --motion $(R)/ingest --weights $(LATENT_WEIGHTS) -o $(@D) \
 	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
 
+# ---- any cloud to any skeleton ---------------------------------------------------------------------------------
+
+# SOLVE_CLIPS: clips of each archive with true clouds, 0 for all. SOLVE_NETWORKS: NAME=FOLDER of networks of rigs.
+SOLVE_CLIPS    ?= 40
+SOLVE_NETWORKS ?=
+
+solve-report: install
+	@$(MAKE) --no-print-directory solve-measured RUN='$(call unless_given,RUN,solve)' DATA='$(LATENT_HAVE)' \
+	  FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
+
+solve-measured: configure
+	@$(MAKE) --no-print-directory $(R)/measure-solve/manifest.json
+	@$(PUMPS) results $(R)/measure-solve
+
+$(R)/measure-solve/manifest.json: $(R)/ingest/manifest.json
+	$(PUMPS) measure solve --motion $(R)/ingest --clips $(SOLVE_CLIPS) -o $(@D) \
+	  $(foreach each,$(SOLVE_NETWORKS),--networks '$(each)') \
+	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
+
 # ---- PC-MRL's tables -------------------------------------------------------------------------------------------
 
 # Motions of one data set are adapted to the skeleton of the other, an interpolator learns from them, and fills that
@@ -280,6 +301,10 @@ AUTHORS ?=
 # Reading motion files, beside other libraries that read them; DATA='a.zip b.zip', else the embedded clips.
 bench-ingest: $(VENV)/installed-bench
 	$(VENV)/bin/python benchmarks/reading.py $(DATA) --page docs/performance.md
+
+# Bodies on rigs whose names are gone; DATA='a.zip b.zip' of BVH beside the embedded clips.
+any-humanoid: install-dev
+	$(VENV)/bin/python benchmarks/any_humanoid.py $(DATA) --most 160 --page docs/formats.md
 
 $(VENV)/installed-bench: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev,bench]'

@@ -205,6 +205,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        "measure-solve", ("measure", "solve"), "stages.measure_solve",
+        "Measure how well skeletons follow clouds: true, noisy, of other sizes, on stranger rigs.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure solve --motion runs/mine/ingest -o runs/mine/measure-solve",
+        pipeline=False,
+    ),
+    Stage(
         "pack-weights", ("pack-weights",), "stages.pack_weights",
         "Make the networks of a run small enough to hand on, with one model card.",
         ("checkpoint",), "checkpoint", "pumps pack-weights runs/mine -o weights/mine",

@@ -1,0 +1,66 @@
+"""What turns a cloud and a few known poses into a motion: slerp, which sees no cloud; the solve; networks of rigs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from data_schemas.errors import UsageError
+from data_schemas.skeleton import Motion
+from stages.inference.following import follow_cloud
+from stages.inference.local_pose import pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network
+from stages.measure_solve.conditions import Case
+from stages.measure_solve.config import Config
+from stages.networks.device import choose_device
+
+SLERP, SOLVE = "slerp", "solve"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the tables. make: from a case to a motion of as many frames, or None where it cannot."""
+
+    name: str
+    make: Callable[[Case], Motion | None]
+    source: str = ""
+
+
+def methods_of(config: Config) -> list[Method]:
+    """All methods. Raises UsageError where a network has no name of its own, InputError where it cannot be read."""
+    device = choose_device(config.device)
+    methods = [Method(SLERP, slerp), Method(SOLVE, lambda case: solve(case, device))]
+    for text in config.networks:
+        name, equals, source = text.partition("=")
+        if not (name and equals and source) or name in {method.name for method in methods}:
+            raise UsageError(f"--networks {text!r} is no NAME=FOLDER of its own.", "Write --networks mine=runs/mine.")
+        network = load_rig_network(source, config.device)
+        methods.append(Method(name, lambda case, network=network: by_network(case, network), source))
+    return methods
+
+
+def slerp(case: Case) -> Motion:
+    """Great circles between the keys, which are all it sees."""
+    keys = np.flatnonzero(case.known)
+    pose = pose_of_motion(case.skeleton, rows_of_motion(case.motion, keys))
+    gaps = np.flatnonzero(~case.known)
+    between = pose.at(torch.as_tensor(keys).double(), torch.as_tensor(gaps).double())
+    return replace_rows(case.skeleton, case.motion, between, gaps)
+
+
+def solve(case: Case, device: torch.device | str = "cpu") -> Motion:
+    """Positions, body groups and the keys' poses, nothing else."""
+    points, groups = case.points.to(device), case.groups.to(device)
+    return follow_cloud(case.skeleton, case.motion, case.known, points, groups, case.options).motion
+
+
+def by_network(case: Case, network: RigNetwork) -> Motion | None:
+    """The cloud alone, no keys; only where the network's rig is the case's own."""
+    rig = network.rig.skeleton
+    same = rig.names == case.skeleton.names and np.allclose(rig.tails, case.skeleton.tails, atol=1e-3)
+    if not same or np.bincount(case.groups.numpy(), minlength=5).min() == 0:
+        return None
+    return decode_cloud(network, case.points, case.groups, case.motion.fps)

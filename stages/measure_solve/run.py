@@ -1,0 +1,123 @@
+"""`pumps measure solve`: follow clouds whose motion is known, good clouds and bad ones, and measure."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from data_schemas.artefact import write_artefact
+from data_schemas.clips import ClipRow
+from data_schemas.errors import InputError
+from data_schemas.manifest import open_artefact
+from data_schemas.metrics import MetricRow, write_metrics
+from data_schemas.motion import MotionReader
+from stages.config import StageReport
+from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.forward import positions_of
+from stages.kinematics.resampling import resample, resampled_frames
+from stages.measure_solve.conditions import TRUE, Case, Condition, conditions_of, shortened
+from stages.measure_solve.config import Config
+from stages.measure_solve.figures import figures_of, skate_mps
+from stages.measure_solve.methods import SLERP, Method, methods_of
+from stages.measure_solve.rigs import Rigged
+from stages.measure_solve.summary import summary_md, terminal_lines
+from stages.progress import SILENT, Progress
+from stages.statistics.archives import archive_of
+from stages.statistics.windows import LEAST_FRAMES
+
+TRUTH = "truth"
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Measure and write a `metrics` artefact.
+
+    Raises:
+        InputError: the motion artefact is bad or has no clip of these splits that is long enough.
+        UsageError: a network has no name of its own.
+    """
+    artefact = open_artefact(config.motion, "motion")
+    methods, conditions = methods_of(config), conditions_of(config)
+    rows: list[MetricRow] = []
+    with MotionReader(artefact) as reader:
+        clips = chosen_clips(reader, config)
+        some = {archive: spread(of, config.condition_clips) for archive, of in clips.items()}
+        plan = [(c, row) for c in conditions for of in (clips if c.name == TRUE else some).values() for row in of]
+        progress.start("Following clouds", len(plan))
+        for condition, row in plan:
+            rows += _measured(reader, row, condition, methods, config)
+            progress.advance(1, f"{condition.name}, {row.clip}")
+    inputs = [artefact, *(open_artefact(method.source, "checkpoint") for method in methods if method.source)]
+    figures = {
+        "clips": {archive: len(of) for archive, of in clips.items()},
+        "conditions": list(dict.fromkeys(condition.name for condition in conditions)),
+        "methods": [method.name for method in methods],
+    }
+    with write_artefact(config.output, "metrics", stage="measure-solve", config=config, inputs=inputs) as draft:
+        draft.summary.update(figures)
+        write_metrics(draft.folder, rows, summary_md(config, rows))
+    lines = [*terminal_lines(rows), f"All tables: {config.output}, summary.md."]
+    return StageReport(output=config.output, lines=lines, figures=figures)
+
+
+def chosen_clips(reader: MotionReader, config: Config) -> dict[str, list[ClipRow]]:
+    """Clips to measure, by archive, of those that are long enough."""
+    found: dict[str, list[ClipRow]] = {}
+    for row in sorted(reader.clips, key=lambda row: (archive_of(row), row.clip)):
+        if row.split in config.splits and resampled_frames(row.frames, row.fps, MODEL_FPS) >= LEAST_FRAMES:
+            found.setdefault(archive_of(row), []).append(row)
+    if not found:
+        raise InputError(
+            f"{config.motion} has no clip of the split {' or '.join(config.splits)} with {LEAST_FRAMES} frames.",
+            "Name other splits with --splits.",
+        )
+    return {archive: spread(rows, config.clips) for archive, rows in found.items()}
+
+
+def spread(rows: Sequence[ClipRow], count: int) -> list[ClipRow]:
+    """So many of the rows, spread evenly; 0 for all."""
+    if not count or len(rows) <= count:
+        return list(rows)
+    return [rows[(2 * i + 1) * len(rows) // (2 * count)] for i in range(count)]
+
+
+def _measured(
+    reader: MotionReader, row: ClipRow, condition: Condition, methods: Sequence[Method], config: Config
+) -> Iterator[MetricRow]:
+    motion = resample(reader.motion(row.clip), MODEL_FPS)
+    if condition.name != TRUE:
+        motion = shortened(motion, config.condition_seconds)
+    # A clip's own draws, the same in whatever company it is measured; conditions of one clip share what they can.
+    seed = [config.seed, zlib.crc32(row.clip.encode("utf-8", "surrogateescape"))]
+    case = condition.make(Rigged(reader.skeleton(row.skeleton), motion), np.random.default_rng(seed))
+    for method, figures in _figures(case, methods):
+        for metric, value in figures.items():
+            yield MetricRow(
+                clip=row.clip,
+                skeleton=row.skeleton,
+                archive=archive_of(row),
+                method=method,
+                task=condition.name,
+                interval=condition.interval,
+                metric=metric,
+                value=value,
+                windows=case.motion.frames,
+            )
+
+
+def _figures(case: Case, methods: Sequence[Method]) -> Iterator[tuple[str, dict[str, float]]]:
+    true_places = positions_of(case.skeleton, case.motion)
+    skate = skate_mps(case.skeleton, true_places, true_places, case.motion.fps)
+    if np.isfinite(skate):
+        yield TRUTH, {"skate_mps": skate}
+    for method in methods:
+        started = time.perf_counter()
+        made = method.make(case)
+        seconds = time.perf_counter() - started
+        if made is not None:
+            figures = figures_of(case.skeleton, case.motion, made)
+            if method.name != SLERP:
+                figures["frames_per_s"] = case.motion.frames / seconds
+            yield method.name, figures
