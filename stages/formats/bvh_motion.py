@@ -19,7 +19,7 @@ from stages.formats.figure import Body, Poses, Rig, ancestors, body_of, motion_o
 from stages.formats.recording import Asked, Recording
 from stages.formats.skeleton_map import SkeletonMap
 
-__all__ = ["motion_of", "places_of", "rate_of", "read_bvh_motion", "values_of"]
+__all__ = ["motion_of", "places_of", "rate_of", "read_bvh_motion", "rig_and_poses", "values_of"]
 
 STILL_M = 1e-4  # a position that moves less than this is still: exporters write rounding noise
 
@@ -61,6 +61,16 @@ def motion_of(
     except InputError as error:
         raise InputError(f"{bvh.name}: {error.message}", error.hint) from None
     return skeleton, motion, [*bvh.warnings, *notes]
+
+
+def rig_and_poses(bvh: BvhFile) -> tuple[Rig, Poses]:
+    """The joints of a BVH and what its rows say, in the file's unit and axes, as `stages.formats.figure` takes them.
+
+    Raises: InputError where the joints are no humanoid's.
+    """
+    body = _body_of(bvh.joints, bvh.values)
+    offsets = tuple((x, y, z) for x, y, z in body.offsets.tolist())
+    return _rig(bvh.joints, offsets), _poses(bvh.joints, body, bvh.values, rate_of(bvh.frame_time))
 
 
 def rate_of(frame_time: float) -> float:

@@ -79,7 +79,7 @@ def anatomy_of(
         spacing_s: seconds from one pose to the next, 0 where they are no row in time.
         mapped: True where the user's skeleton map said what the joints are.
     """
-    parts, how, sure = _parts_of(skeleton, mapped)
+    parts, how, sure = parts_of_skeleton(skeleton, mapped)
     told = np.linalg.norm(skeleton.tails, axis=1) > 0
     poses = BodyPoses(heads, bone_tips(heads, rotations, skeleton.tails, told), spacing_s)
     moving = find_facing(poses, parts)
@@ -140,7 +140,7 @@ def direction_name(direction: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.2f}" for value in direction) + ")"
 
 
-def _parts_of(skeleton: Skeleton, mapped: bool) -> tuple[BodyParts, str, float]:
+def parts_of_skeleton(skeleton: Skeleton, mapped: bool = False) -> tuple[BodyParts, str, float]:
     """Groups and chains as the skeleton has them, and how they were found."""
     how, sure = "map", 1.0
     if not mapped:

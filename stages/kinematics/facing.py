@@ -15,6 +15,7 @@ from stages.kinematics.body_groups import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_L
 # How much each sign is trusted. On 227 real clips of five rigs toes and knees were right on all, elbows on 98 of
 # 100, hands on 96, and of those who walked 9 in 10 walked forward.
 _WEIGHTS = {"toes": 6.0, "knees": 4.0, "elbows": 1.0, "hands": 0.7, "walking": 1.0}
+SIGNS = tuple(_WEIGHTS)
 _LEAST_SPEED = 0.35  # leg lengths a second; below, one does not walk
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import _body_of, _poses, _rig
+from stages.formats.bvh_motion import rig_and_poses
 from stages.formats.figure import Poses, Rig, body_of, motion_of_poses
 from stages.formats.sources import find_sources
 from tests.kinematics.rig_changes import renamed, resized, shuffled, turned, with_other_axes
@@ -29,9 +29,7 @@ def _clips(archive: str) -> list[tuple[str, Rig, Poses]]:
     for at in np.linspace(0, len(found) - 1, CLIPS_OF_EACH).astype(int):
         bvh = read_bvh(found[at].read(), found[at].member)
         bvh = bvh.select(np.arange(1, min(bvh.frames, 1500)))
-        body = _body_of(bvh.joints, bvh.values)
-        offsets = tuple(map(tuple, body.offsets.tolist()))
-        out.append((found[at].member, _rig(bvh.joints, offsets), _poses(bvh.joints, body, bvh.values, 30.0)))
+        out.append((found[at].member, *rig_and_poses(bvh)))
     return out
 
 
