@@ -40,7 +40,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured test lint bench bench-train bench-ingest any-humanoid install install-dev clean-run
+.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured test lint bench bench-train bench-ingest any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3
 .SUFFIXES:
 
 help:
@@ -223,7 +223,7 @@ Q_PRESET := $(if $(filter file,$(origin PRESET)),pcmrl,$(PRESET))
 of_stage = --preset $(Q_PRESET) $(foreach each,$(filter $(1).%,$(SET)),--$(subst _,-,$(patsubst $(1).%,%,$(firstword $(subst =, ,$(each))))) '$(word 2,$(subst =, ,$(each)))')
 unfinished = @test -f $@ || { echo '$(@D): training stopped before its end; run make again to go on.' >&2; exit 1; }
 
-.PHONY: pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report
+.PHONY: rig-report
 rig-report: install $(Q)/bandai-to-cmu/own/manifest.json $(Q)/cmu-to-bandai/own/manifest.json
 	@cat $(Q)/*/own/data-*/summary.md
 pcmrl-table1: install $(Q)/bandai-to-cmu/table1/manifest.json $(Q)/cmu-to-bandai/table1/manifest.json
