@@ -227,11 +227,11 @@ unfinished = @test -f $@ || { echo '$(@D): training stopped before its end; run 
 rig-report: install $(Q)/bandai-to-cmu/own/manifest.json $(Q)/cmu-to-bandai/own/manifest.json
 	@cat $(Q)/*/own/data-*/summary.md
 pcmrl-table1: install $(Q)/bandai-to-cmu/table1/manifest.json $(Q)/cmu-to-bandai/table1/manifest.json
-	@cat $(Q)/*/table1/data-*/summary.md
+	@$(PUMPS) results $(Q)/bandai-to-cmu/table1 && $(PUMPS) results $(Q)/cmu-to-bandai/table1
 pcmrl-table2: install $(Q)/bandai-to-cmu/table2/manifest.json $(Q)/cmu-to-bandai/table2/manifest.json
-	@cat $(Q)/*/table2/data-*/summary.md
+	@$(PUMPS) results $(Q)/bandai-to-cmu/table2 && $(PUMPS) results $(Q)/cmu-to-bandai/table2
 pcmrl-table3: install $(Q)/bandai-to-cmu/table3/manifest.json $(Q)/cmu-to-bandai/table3/manifest.json
-	@cat $(Q)/*/table3/data-*/summary.md
+	@$(PUMPS) results $(Q)/bandai-to-cmu/table3 && $(PUMPS) results $(Q)/cmu-to-bandai/table3
 
 .PRECIOUS: $(Q)/%/ingest/manifest.json $(Q)/%/tpc/manifest.json $(Q)/%/citl/manifest.json
 $(Q)/%/ingest/manifest.json:
