@@ -69,7 +69,7 @@ def _looks_gltf(start: bytes) -> bool:
 
 
 def _looks_positions(start: bytes) -> bool:
-    return start.startswith(b"\x93NUMPY") or _CSV_PLACE.match(start.partition(b"\n")[0]) is not None
+    return start.startswith(b"\x93NUMPY") or _CSV_PLACE.search(start.partition(b"\n")[0]) is not None
 
 
 FORMATS: tuple[Format, ...] = (
