@@ -149,15 +149,24 @@ class OwnPoints(NamedTuple):
         return place_points(pose.heads, pose.rotations, self.bones, self.in_bone)
 
 
-def draw_own_points(body: RigBody, sigma: Tensor, points: int, generator: torch.Generator) -> OwnPoints:
-    """Points on the body's bones in proportion to their lengths, one draw for each sigma (B,) metres (eq. 3)."""
+def draw_own_points(body: RigBody, sigma: Tensor, groups: Tensor, generator: torch.Generator) -> OwnPoints:
+    """Points on the body's bones, of the body groups asked for, in proportion to the bones' lengths (eq. 3).
+
+    Args:
+        sigma: (B,) metres, one draw for each.
+        groups: (B, P). For a group that the body lacks any bone will do; the point then has the bone's group.
+        generator: on the device of the result.
+    """
     batch, device = len(sigma), generator.device
-    tails, groups = body.tails.to(device), body.groups.to(device)
-    ends = body.weights.double().cumsum(0)
-    last = int(torch.nonzero(body.weights)[-1])  # beyond it lies nothing but rounding
-    chance = draw_uniform((batch, points), generator, device)
-    bones = torch.searchsorted((ends / ends[-1]).float().to(device), chance, right=True).clamp_max(last)
-    alphas = draw_uniform((batch, points), generator, device)
-    offsets = draw_normal((batch, points, 3), generator, device)
+    shape = groups.shape
+    tails, weights, groups_of = body.tails.to(device), body.weights.to(device), body.groups.to(device)
+    mine = (groups_of == groups.to(device).unsqueeze(-1)) * weights  # (B, P, bones)
+    mine = torch.where(mine.sum(-1, keepdim=True) > 0, mine, weights)
+    ends = mine.cumsum(-1)
+    # Just under the end at most: bones without a weight are never chosen, not even by rounding.
+    place = draw_uniform(shape, generator, device).unsqueeze(-1) * ends[..., -1:] * (1 - 1e-6)
+    bones = torch.searchsorted(ends, place, right=True).squeeze(-1)
+    alphas = draw_uniform(shape, generator, device)
+    offsets = draw_normal((*shape, 3), generator, device)
     in_bone = points_in_bone(tails.expand(batch, -1, 3), bones, alphas, offsets, sigma.to(device))
-    return OwnPoints(bones, in_bone, groups[bones])
+    return OwnPoints(bones, in_bone, groups_of[bones])

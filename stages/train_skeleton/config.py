@@ -33,6 +33,9 @@ class Config(TrainingConfig):
         ge=0,
     )  # fmt: skip
     velocity_weight: float = Field(0.1, description="Weight of the neighbours' difference in velocity, m/s.", ge=0)
+    pair_weight: float = Field(
+        0.5, description="Weight of one-to-one pairs of points of a body group, metres; they unfold limbs.", ge=0
+    )
     end_weight: float = Field(0.0, description="Weight of the end effectors' distance, metres (PC-MRL eq. 6).", ge=0)
     unit_weight: float = Field(0.01, description="Weight of the unit-quaternion loss.", ge=0)
     roll_weight: float = Field(

@@ -17,7 +17,14 @@ from stages.kinematics.rig import Rig
 from stages.networks.device import precision
 from stages.networks.skeleton_losses import end_bones, end_effector_loss, roll_loss, unit_quaternion_loss
 from stages.networks.skeleton_network import OwnPoints, Pose, SkeletonNetwork, draw_own_points
-from stages.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
+from stages.pointcloud.assignment import paired_difference
+from stages.pointcloud.knn_loss import (
+    distances_of,
+    nearest_trajectories,
+    normalised_by_group,
+    root_mean_square,
+    velocities,
+)
 from stages.train_skeleton.config import Config
 from stages.train_skeleton.sources import MixedPool
 from stages.training.task import RowRandom, rows_of
@@ -102,7 +109,7 @@ class SkeletonTask:
     def loss(self, batch: SourceBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         config, body = self.config, self.rig.body
         pose = self._pose(batch)
-        own = draw_own_points(body, batch.sigma, config.loss_points, generator)
+        own = draw_own_points(body, batch.sigma, batch.groups[:, : config.loss_points], generator)
         terms = self._cloud_terms(batch, own, pose)
         valid = batch.valid.to(self.device)
         terms["unit"] = unit_quaternion_loss(pose.raw, valid)
@@ -128,6 +135,10 @@ class SkeletonTask:
             terms["back"] = (
                 nearest_trajectories(made, source, own.groups, groups, valid, config.neighbours).means().mean()
             )
+        if config.pair_weight:
+            count = own.groups.shape[1]
+            apart = paired_difference(made, source[:, :, :count], own.groups, valid)
+            terms["pair"] = root_mean_square(apart, valid).mean()
         if config.velocity_weight:
             speed, real = velocities(source, valid)
             terms["velocity"] = distances_of(speed, velocities(made)[0], near, real).means().mean()
@@ -145,7 +156,7 @@ class SkeletonTask:
         batch = self.held_back
         generator = torch.Generator(device=self.device).manual_seed(0)
         pose = self._pose(batch)
-        own = draw_own_points(self.rig.body, batch.sigma, self.config.loss_points, generator)
+        own = draw_own_points(self.rig.body, batch.sigma, batch.groups, generator)
         source, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
         near = nearest_trajectories(source, own.on(pose), groups, own.groups, valid)
         other = self.redrawn

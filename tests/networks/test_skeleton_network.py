@@ -6,6 +6,7 @@ import roma
 import torch
 
 from stages.kinematics.rig import RigBody, pose_heads, rig_of_motion
+from stages.networks.row_generator import row_generator
 from stages.networks.sizes import EncoderSizes, SkeletonSizes
 from stages.networks.skeleton_losses import end_bones, end_effector_loss, roll_loss, unit_quaternion_loss
 from stages.networks.skeleton_network import SkeletonNetwork, draw_own_points, group_moments
@@ -99,21 +100,38 @@ def test_bones_that_no_point_sees_rest_in_their_parents_frames(body):
     parent = int(body.parents[unseen])
     rest = roma.quat_product(pose.rotations[:, :, parent], body.rest_local[unseen].expand(2, 7, 4))
     torch.testing.assert_close(pose.rotations[:, :, unseen], rest)
-    points = draw_own_points(part, torch.tensor([0.05, 0.05]), 500, torch.Generator().manual_seed(0))
+    points = draw_own_points(
+        part, torch.tensor([0.05, 0.05]), torch.arange(500).expand(2, -1) % 5, torch.Generator().manual_seed(0)
+    )
     assert unseen not in points.bones
 
 
 def test_own_points_ride_on_the_pose(network, body):
     """Against place = head + R (alpha tail + sigma offset) (PC-MRL eq. 3), at sigma 0: on the bones' lines."""
     pose = network(*cloud(), TIMES)
-    own = draw_own_points(body, torch.tensor([0.0, 0.05]), 40, torch.Generator().manual_seed(0))
+    asked = torch.arange(40).expand(2, -1) % 5
+    own = draw_own_points(body, torch.tensor([0.0, 0.05]), asked, torch.Generator().manual_seed(0))
     points = own.on(pose)
     assert points.shape == (2, 7, 40, 3)
     heads, turns = pose.heads[0][:, own.bones[0]], pose.rotations[0][:, own.bones[0]]
     torch.testing.assert_close(points[0], heads + roma.quat_action(turns, own.in_bone[0].expand(7, -1, 3)))
     tails = body.tails[own.bones[0]]
     assert torch.linalg.cross(own.in_bone[0], tails).norm(dim=-1).max() < 1e-6
-    assert (own.groups == body.groups[own.bones]).all()
+    assert (own.groups == asked).all() and (body.groups[own.bones] == asked).all()
+
+
+def test_bones_are_drawn_by_their_lengths_and_by_the_row(body):
+    spine = torch.zeros(2, 4000, dtype=torch.long)
+    own = draw_own_points(body, torch.tensor([0.05, 0.05]), spine, torch.Generator().manual_seed(0))
+    share = torch.bincount(own.bones.flatten(), minlength=len(body.joints)) / 8000
+    expected = torch.where(body.groups == 0, body.weights, 0)
+    torch.testing.assert_close(share, expected / expected.sum(), atol=0.03, rtol=0)
+    rows = row_generator(0, [5, 6], torch.device("cpu"))
+    both = draw_own_points(body, torch.tensor([0.05, 0.05]), spine, rows)
+    one = draw_own_points(body, torch.tensor([0.05]), spine[:1], row_generator(0, [6], torch.device("cpu")))
+    torch.testing.assert_close(both.in_bone[1:], one.in_bone)
+    lacking = RigBody(**{**vars(body), "groups": torch.zeros_like(body.groups)})
+    assert (draw_own_points(lacking, torch.tensor([0.05]), spine[:1] + 3, torch.Generator()).groups == 0).all()
 
 
 def test_moments_are_means_and_covariances():
