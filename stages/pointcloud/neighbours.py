@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-_CLOUDS_AT_ONCE = 8  # whose distances (2 MB at 256 points) stay in a core's cache
+_CLOUDS_AT_ONCE = 16  # whose distances (4 MB at 256 points) stay in the caches
 
 
 class Level(NamedTuple):
@@ -144,7 +144,8 @@ def _levels_of(
         if level + 1 < levels:
             kept = _farthest_rows(places, apart, quarter(places.shape[1]))
             centres.append(kept)
-            places, apart = places[rows, kept], apart[rows[:, :, None], kept[:, :, None], kept[:, None, :]]
+            # Distances are symmetric: rows are taken twice, which copies runs of memory and not numbers one by one.
+            places, apart = places[rows, kept], apart[rows, kept].transpose(0, 2, 1)[rows, kept]
     return neighbours, centres
 
 
