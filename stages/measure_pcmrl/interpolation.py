@@ -60,7 +60,7 @@ def interpolation_rows(
     ]
     if not plan:
         raise InputError(
-            f"{reader.artefact.path} has no rigid clip of the split {' or '.join(config.splits)} that is long enough.",
+            f"{reader.artefact.path} has no clip of the split {' or '.join(config.splits)} that is long enough.",
             "Name another split with --splits, or patterns that match with --category.",
         )
     methods = [*PLAIN, *interpolators]

@@ -47,17 +47,19 @@ def _interpolation(
         "windows. The best of a column in bold. `damped cubic` is the plain interpolation that the networks add to.\n"
     )
     yield "\n".join(f"- {name}: {_training(each)}" for name, each in interpolators.items()) + "\n"
-    scopes = scopes_of(found)
-    yield from _nine_table(
-        [(_named(scope), _our_rows(found, scope)) for scope in scopes], sorted(set(config.intervals))
-    )
+    intervals = sorted(set(config.intervals))
+    ours = [(_named(scope), _our_rows(found, scope)) for scope in scopes_of(found)]
+    printed = [(name, list(each.items())) for name, each in paper.TABLE_1.items()]
+    yield from _nine_table(ours, intervals)
+    yield "L2P as a share of LERP's:\n"
+    yield from _shares_of_lerp(ours, intervals)
     yield overview(found)
     yield f"As printed in the paper, Table 1 (CMU; {_OTHER_DATA}):\n"
-    yield from _nine_table([(name, list(each.items())) for name, each in paper.TABLE_1.items()], paper.INTERVALS)
+    yield from _nine_table(printed, paper.INTERVALS)
+    yield "The same, L2P as a share of LERP's:\n"
+    yield from _shares_of_lerp(printed, paper.INTERVALS)
     yield "As printed in the paper, Table 3 (CMU, all categories):\n"
     yield from _nine_table([("all", list(paper.TABLE_3.items()))], paper.INTERVALS)
-    yield "The paper's methods as shares of its LERP's L2P, Table 1:\n"
-    yield from _paper_shares()
 
 
 def _training(interpolator: Interpolator) -> str:
@@ -103,13 +105,18 @@ def _figure(value: float | None, best: bool) -> str:
     return f"**{value:.4f}**" if best else f"{value:.4f}"
 
 
-def _paper_shares() -> Iterator[str]:
-    lines = ["| category | method | 5 | 15 | 30 |", "|---|---|---:|---:|---:|"]
-    for category, methods in paper.TABLE_1.items():
-        base = methods["LERP"]
-        for name in ("CITL", "PC-MRL w/o RPA", "PC-MRL"):
-            shares = (f"{value / line:.2f}" for value, line in zip(methods[name][:3], base[:3], strict=True))
-            lines.append(f"| {category} | {name} | {' | '.join(shares)} |")
+def _shares_of_lerp(
+    blocks: Sequence[tuple[str, Sequence[tuple[str, Sequence[float | None]]]]], intervals: Sequence[int]
+) -> Iterator[str]:
+    """Markdown: every row's L2P as a share of the block's LERP."""
+    lines = [f"| category | method | {' | '.join(map(str, intervals))} |", f"|---|---|{'---:|' * len(intervals)}"]
+    for block, rows in blocks:
+        base = dict(rows)["LERP"]
+        others = [(name, values) for name, values in rows if name != "LERP"]
+        for number, (name, values) in enumerate(others):
+            pairs = list(zip(values, base, strict=True))[: len(intervals)]
+            shares = ("" if value is None or not line else f"{value / line:.2f}" for value, line in pairs)
+            lines.append(f"| {block if number == 0 else ''} | {name} | {' | '.join(shares)} |")
     yield "\n".join(lines) + "\n"
 
 
