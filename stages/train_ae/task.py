@@ -107,7 +107,8 @@ class AutoencoderTask:
         figures = {"rec": (static + moving).detach(), "moving": moving.detach()}
         if self.config.decoder.identities == "vae":
             # -log p = half the squared distance over the observation's variance, here one unit, plus the divergence.
-            nats = divergence[valid].mean()
+            keep = valid.unsqueeze(-1).to(divergence.dtype)
+            nats = ((divergence * keep).mean(2).sum(1) / keep.sum((1, 2)).clamp_min(1)).mean()  # a mean over windows
             value = value + 2 * self.config.prior_weight * nats
             figures["divergence"] = nats.detach()
         return value, figures
