@@ -66,24 +66,24 @@ def carried_offsets(offsets: Tensor, tails: Tensor, new_tails: Tensor, parents: 
     return torch.cat([offsets[..., :1, :], torch.where(at_tail, new, turned)], dim=-2)
 
 
-def random_rest_pose(
-    offsets: Tensor, tails: Tensor, parents: np.ndarray, spread_m: float, generator: torch.Generator
+def moved_rest_pose(
+    offsets: Tensor, tails: Tensor, parents: np.ndarray, tail_moves: Tensor, head_moves: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """A rest pose near the given one: every tail, and every head that hangs from no tail, moved at random.
+    """A rest pose near the given one: every tail moved, and every head that hangs from no tail.
 
     Args:
-        offsets, tails: (..., J, 3) metres. parents: (J,). spread_m: standard deviation on each axis, metres.
+        offsets, tails: (..., J, 3) metres. parents: (J,).
+        tail_moves, head_moves: (..., J, 3) metres, such as normal draws.
 
     Returns: offsets (..., J, 3) and tails (..., J, 3). Bones without length stay without.
     """
     parent = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long)
-    noise = spread_m * torch.randn(2, *tails.shape, generator=generator, dtype=tails.dtype)
     has_length = (tails.norm(dim=-1, keepdim=True) > 0).to(tails)
-    new_tails = tails + noise[0] * has_length
+    new_tails = tails + tail_moves * has_length
     carried = carried_offsets(offsets, tails, new_tails, parents)
     hangs = ((offsets[..., 1:, :] - tails[..., parent, :]).norm(dim=-1, keepdim=True) < _AT_TAIL_M).to(tails)
     free = torch.cat([torch.zeros_like(hangs[..., :1, :]), 1 - hangs], dim=-2)
-    return carried + noise[1] * free, new_tails
+    return carried + head_moves * free, new_tails
 
 
 def realign(

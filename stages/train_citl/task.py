@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import roma
@@ -11,13 +11,13 @@ from torch import Tensor
 
 from data_schemas.errors import InputError
 from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.rest_pose import random_rest_pose, realign
+from stages.kinematics.rest_pose import moved_rest_pose, realign
 from stages.kinematics.window_interpolation import interpolate_windows
 from stages.networks.device import precision
 from stages.networks.pose_interpolator import PoseInterpolator, PoseWindows
 from stages.train_citl.config import Config
 from stages.training.masks import draw_keys
-from stages.training.task import rows_of, step_seed
+from stages.training.task import RowRandom, step_seed
 from stages.training.windows import WindowPool, Windows
 
 _VALIDATION_WINDOWS = 32
@@ -42,6 +42,8 @@ class PoseBatch:
 class InterpolatorTask:
     """A `Task` of the training loop."""
 
+    splits = True
+
     def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
         self.config, self.pool, self.device = config, pool, device
         self.parents, self.groups = one_hierarchy(pool)
@@ -50,34 +52,40 @@ class InterpolatorTask:
         self.networks = PoseInterpolator(self.parents.tolist(), self.groups.tolist(), config.network).to(device)
         self.held_back = list(self._validation(held_back))
 
-    def draw(self, rng: np.random.Generator) -> PoseBatch:
+    def weight(self, batch: PoseBatch) -> float:
+        """The loss is a mean over missing frames."""
+        return float((batch.valid & ~batch.known).sum())
+
+    def draw(self, rng: RowRandom) -> PoseBatch:
         config = self.config
-        windows = self.pool.draw(config.batch, config.window, rng, augment=config.augment)
+        windows = self.pool.draw(len(rng.rows), config.window, rng, augment=config.augment)
         if config.rest_pose_m > 0:
             windows = self._on_other_rest_poses(windows, rng)
         known = torch.zeros_like(windows.valid)
         lengths = windows.valid.sum(1).tolist()
-        for row, (length, own) in enumerate(zip(lengths, rows_of(rng, len(lengths)), strict=True)):
+        for row, (length, own) in enumerate(zip(lengths, rng.rows, strict=True)):
             known[row, torch.from_numpy(draw_keys(length, own))] = True
         return self._batch(windows, known)
 
-    def _on_other_rest_poses(self, windows: Windows, rng: np.random.Generator) -> Windows:
+    def _on_other_rest_poses(self, windows: Windows, rng: RowRandom) -> Windows:
         """Half of the windows on a random rest pose each (PC-MRL 3.4); the others stay what they are."""
         parents = self.parents
         above = torch.as_tensor(parents[1:], dtype=torch.long)
-        first = windows.heads[:, 0], windows.rotations[:, 0]
-        steps = roma.quat_action(roma.quat_conjugation(first[1][:, above]), first[0][:, 1:] - first[0][:, above])
+        heads, rotations = windows.heads[:, 0], windows.rotations[:, 0]
+        steps = roma.quat_action(roma.quat_conjugation(rotations[:, above]), heads[:, 1:] - heads[:, above])
         offsets = torch.cat([torch.zeros_like(steps[:, :1]), steps], dim=1)
-        generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
-        new_offsets, tails = random_rest_pose(offsets, windows.tails, parents, self.config.rest_pose_m, generator)
+        chosen = torch.tensor([own.uniform() < 0.5 for own in rng.rows])
+        moves = np.stack([own.standard_normal((2, len(parents), 3)) for own in rng.rows], axis=1)
+        moves = self.config.rest_pose_m * torch.from_numpy(moves).float()
+        new_offsets, tails = moved_rest_pose(offsets, windows.tails, parents, *moves)
         heads, rotations = realign(windows.heads, windows.rotations, windows.tails, new_offsets, tails, parents)
-        chosen = torch.from_numpy(rng.uniform(size=len(heads)) < 0.5)
-        kept = {"heads": heads, "rotations": rotations, "tails": tails}
-        parts = {**vars(windows)}
-        for name, value in kept.items():
-            gate = chosen.view(-1, *[1] * (value.dim() - 1))
-            parts[name] = torch.where(gate, value, parts[name])
-        return Windows(**parts)
+        gate = chosen.view(-1, 1, 1)
+        return replace(
+            windows,
+            heads=torch.where(gate.unsqueeze(-1), heads, windows.heads),
+            rotations=torch.where(gate.unsqueeze(-1), rotations, windows.rotations),
+            tails=torch.where(gate, tails, windows.tails),
+        )
 
     def _validation(self, pool: WindowPool):
         """The same held-back windows with keys every 5, 15 and 30 frames."""

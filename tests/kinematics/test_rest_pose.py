@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from stages.kinematics.foq import first_frame_offsets
 from stages.kinematics.forward import joint_positions
-from stages.kinematics.rest_pose import carried_offsets, random_rest_pose, realign, smallest_turn
+from stages.kinematics.rest_pose import carried_offsets, moved_rest_pose, realign, smallest_turn
 from tests.training.tiny_clouds import PARENTS, TAILS, swinging
 
 vectors = st.tuples(*[st.floats(-2, 2)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-2)
@@ -60,6 +60,11 @@ def motion(frames: int = 12) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, 
     return joint_positions(rotations, heads[:, 0], offsets, PARENTS), rotations, tails, offsets
 
 
+def moves(tails: torch.Tensor, spread_m: float, seed: int) -> torch.Tensor:
+    """Random moves of tails and of heads, (2, ..., J, 3)."""
+    return spread_m * torch.randn(2, *tails.shape, generator=torch.Generator().manual_seed(seed))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_another_rest_pose_of_the_same_lengths_changes_no_position_and_no_foq(seed: int):
     heads, rotations, tails, offsets = motion()
@@ -83,7 +88,7 @@ def test_another_rest_pose_of_the_same_lengths_changes_no_position_and_no_foq(se
 
 def test_a_random_rest_pose_moves_joints_a_little_and_bones_still_aim_at_their_old_tails():
     heads, rotations, tails, offsets = motion()
-    new_offsets, new_tails = random_rest_pose(offsets, tails, PARENTS, 0.03, torch.Generator().manual_seed(1))
+    new_offsets, new_tails = moved_rest_pose(offsets, tails, PARENTS, *moves(tails, 0.03, 1))
     new_heads, new_rotations = realign(heads, rotations, tails, new_offsets, new_tails, PARENTS)
     torch.testing.assert_close(
         joint_positions(new_rotations, heads[:, 0], new_offsets, PARENTS), new_heads, atol=1e-5, rtol=0
@@ -97,14 +102,13 @@ def test_a_random_rest_pose_moves_joints_a_little_and_bones_still_aim_at_their_o
     assert (first_frame_offsets(new_rotations) - first_frame_offsets(rotations)).abs().max() > 0.01
 
 
-def test_no_spread_changes_nothing_and_windows_have_rest_poses_of_their_own():
+def test_no_move_changes_nothing_and_windows_have_rest_poses_of_their_own():
     heads, rotations, tails, offsets = motion()
-    same = random_rest_pose(offsets, tails, PARENTS, 0.0, torch.Generator())
+    same = moved_rest_pose(offsets, tails, PARENTS, *moves(tails, 0.0, 1))
     torch.testing.assert_close(same[0], offsets)
     torch.testing.assert_close(same[1], tails)
-    two = torch.Generator().manual_seed(2)
     batch = [each.expand(2, *each.shape) for each in (heads, rotations, tails, offsets)]
-    new_offsets, new_tails = random_rest_pose(batch[3], batch[2], PARENTS, 0.05, two)
+    new_offsets, new_tails = moved_rest_pose(batch[3], batch[2], PARENTS, *moves(batch[2], 0.05, 2))
     both = realign(batch[0], batch[1], batch[2], new_offsets, new_tails, PARENTS)
     for row in range(2):
         alone = realign(heads, rotations, tails, new_offsets[row], new_tails[row], PARENTS)

@@ -20,6 +20,7 @@ from stages.networks.sizes import InterpolatorSizes
 from stages.train_citl.config import Config
 from stages.train_citl.run import run
 from stages.train_citl.task import InterpolatorTask, errors_of
+from stages.training.task import step_random
 from stages.training.windows import WindowPool
 from tests.training.tiny_clouds import GROUPS, PARENTS, TAILS, swinging, write_clouds
 
@@ -155,12 +156,18 @@ def test_batches_have_other_rest_poses_and_bases_made_of_the_keys(folder: Path):
             InterpolatorTask(small(folder, rest_pose_m=m, augment=False, batch=8), pool, pool, torch.device("cpu"))
             for m in (0.0, 0.05)
         ]
-        plain, other = (task.draw(np.random.default_rng(3)) for task in tasks)
+        plain, other = (task.draw(step_random(3, 1, 0, range(8))) for task in tasks)
     changed = (plain.truth.heads - other.truth.heads).flatten(1).norm(dim=1) > 1e-3
     assert 0 < int(changed.sum()) < 8
     assert (other.truth.tails[~changed] == plain.truth.tails[~changed]).all()
     assert other.known[:, 0].all() and not (other.known & ~other.valid).any()
     torch.testing.assert_close(other.base.heads[other.known], other.truth.heads[other.known], atol=1e-5, rtol=0)
+    with TpcReader(folder / "tpc") as reader:
+        pool = WindowPool(reader, ("train",))
+        task = InterpolatorTask(small(folder, rest_pose_m=0.05, augment=False), pool, pool, torch.device("cpu"))
+        part = task.draw(step_random(3, 1, 0, [2, 5]))
+    assert (part.truth.heads == other.truth.heads[[2, 5]]).all(), "a part of a batch is that part"
+    assert (part.known == other.known[[2, 5]]).all()
     assert all(float(value) > 0 for value in errors_of(other.base, other).values())
     assert all(float(value) < 1e-3 for value in errors_of(other.truth, other).values())
 
@@ -169,8 +176,9 @@ def test_one_batch_is_learnt(folder: Path):
     with TpcReader(folder / "tpc") as reader:
         pool = WindowPool(reader, ("train",))
         task = InterpolatorTask(small(folder), pool, pool, torch.device("cpu"))
-        batch = task.draw(np.random.default_rng(0))
-    optimiser = torch.optim.Adam(task.networks.parameters(), lr=1e-2)
+        windows = pool.draw(4, 31, np.random.default_rng(0), augment=False)
+        batch = task._batch(windows, KNOWN[:1] & windows.valid)
+    optimiser = torch.optim.Adam(task.networks.parameters(), lr=3e-2)
     losses = []
     for _ in range(15):
         loss, figures = task.loss(batch, torch.Generator())
@@ -178,7 +186,7 @@ def test_one_batch_is_learnt(folder: Path):
         loss.backward()
         optimiser.step()
         losses.append(float(loss.detach()))
-    assert losses[-1] < 0.8 * losses[0] and figures["l2p_of_base"] < 0.9
+    assert losses[-1] < 0.9 * losses[0] and figures["l2p_of_base"] < 0.85
 
 
 def test_trains_to_the_end_the_same_each_time_and_says_on_what(folder: Path):
