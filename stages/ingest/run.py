@@ -22,6 +22,7 @@ from stages.formats.rig_option import rig_named
 from stages.formats.skeleton_map import read_skeleton_maps, unused_maps
 from stages.formats.sources import Source, find_sources
 from stages.ingest.config import Config
+from stages.ingest.doubts import doubts_of
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
 from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
@@ -240,6 +241,7 @@ def _report(config: Config, table: Sequence[SourceRow], rows: Sequence[ClipRow],
     ]
     for remark, count in Counter(row.remarks for row in table if row.remarks and row.clips).most_common(3):
         lines.append(f"{count} file{'s' if count > 1 else ''}: {remark}")
+    lines += doubts_of(rows)
     odd = [row for row in table if row.outcome in ("skipped", "repaired")]
     odd.sort(key=lambda row: row.outcome != "skipped")
     lines += [f"{row.outcome}: {row.source}: {row.reason}" for row in odd[:_LINES_SHOWN]]
