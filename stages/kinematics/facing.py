@@ -102,7 +102,7 @@ def stands_on_four_feet(heads: np.ndarray, rest: np.ndarray, parts: BodyParts) -
         heads: (F, J, 3) joints in some poses. rest: (J, 3) joints at zero rotations; a standing man there settles it.
     """
     upright, _, _ = _posture(rest[None], parts)
-    if upright[0] > 0.8 and all(_straightness(rest, chain) > 0.8 for chain in parts.chains):
+    if upright[0] > 0.8 and all(_straightness(rest, parts.chains[g]) > 0.8 for g in (SPINE, LEFT_LEG, RIGHT_LEG)):
         return False
     upright, hanging, ratio = _posture(heads, parts)
     return bool(ratio > 0.65 and ((upright < 0.65) & (hanging > 0.75)).mean() > 0.9)

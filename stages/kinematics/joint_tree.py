@@ -28,11 +28,13 @@ class JointTree:
         self.skipped = list(skipped) or [False] * joints
         self.reach = [float(end) for end in ends]
         self.sizes = [1] * joints
+        self.leaves = [0 if children else 1 for children in self.children]
         for joint in reversed(range(joints)):
             # A twist or carpal joint inside a limb is passed through while the limb goes on below it.
             self.skipped[joint] = self.skipped[joint] and all(self.skipped[child] for child in self.children[joint])
             for child in self.children[joint]:
                 self.sizes[joint] += self.sizes[child]
+                self.leaves[joint] += self.leaves[child]
                 if not self.skipped[child]:
                     self.reach[joint] = max(self.reach[joint], self.branch_length(child))
         self.limb_joints = [1] * joints  # joints of the main chain from here on, if it is a limb's

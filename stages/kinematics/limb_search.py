@@ -78,7 +78,8 @@ def _likeness(tree: JointTree, a: int, b: int) -> float:
     if longer <= 0 or shorter < _LEAST_LENGTH_RATIO * longer or smaller < _LEAST_SIZE_RATIO * larger:
         return 0.0
     chains = sorted((tree.limb_joints[a], tree.limb_joints[b]))
-    return shorter / longer * (smaller / larger) ** 0.5 * (chains[0] / chains[1])
+    leaves = sorted((tree.leaves[a], tree.leaves[b]))  # a trunk is as long as a leg, but ends in more places
+    return shorter / longer * (smaller / larger * leaves[0] / leaves[1]) ** 0.5 * (chains[0] / chains[1])
 
 
 def _combinations(tree: JointTree, pairs: list[LimbPair]) -> list[tuple[LimbPair, LimbPair]]:
