@@ -1,6 +1,8 @@
 """The `checkpoint` artefact: a trained network, and enough to go on training it.
 
-Weights and optimiser are safetensors, config is JSON, the log is Parquet: nothing in it can run code.
+Weights and optimiser are safetensors, config is JSON, the log is Parquet: nothing in it can run code. What is larger
+than `SHARD_BYTES` lies in several files, `model-00001-of-00003.safetensors`, each with whole arrays: small enough for
+any place that limits how large a file may be.
 """
 
 from __future__ import annotations
@@ -29,6 +31,9 @@ OPTIMISER_NAME = "optimiser.safetensors"
 CONFIG_NAME = "config.json"
 LOG_NAME = "log.parquet"
 CARD_NAME = "MODEL_CARD.md"
+SHARD_BYTES = 15 * 2**20
+_MOST_SHARDS = 10_000
+_HEADER_BYTES = 256  # of one array in a safetensors file, at most
 
 
 @dataclass(frozen=True)
@@ -110,18 +115,57 @@ def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = 
     return Checkpoint(
         weights=_load(folder / WEIGHTS_NAME),
         config=config,
-        optimiser=_load(folder / OPTIMISER_NAME) if optimiser and (folder / OPTIMISER_NAME).exists() else None,
+        optimiser=_load(folder / OPTIMISER_NAME) if optimiser and _is_there(folder / OPTIMISER_NAME) else None,
         log=log,
         card=card,
     )
 
 
 def _save(arrays: Mapping[str, np.ndarray], path: Path) -> None:
-    # safetensors writes a strided view's memory as it lies, so every array is laid out in order first.
-    save_file({name: np.array(arrays[name], order="C") for name in sorted(arrays)}, path)
+    shards = _in_shards(arrays)
+    for number, names in enumerate(shards, 1):
+        # safetensors writes a strided view's memory as it lies, so every array is laid out in order first.
+        content = {name: np.array(arrays[name], order="C") for name in names}
+        save_file(content, path if len(shards) == 1 else _shard(path, number, len(shards)))
+
+
+def _in_shards(arrays: Mapping[str, np.ndarray]) -> list[list[str]]:
+    """The arrays' names, sorted, cut where a file would grow over the limit; an array is never cut."""
+    shards: list[list[str]] = [[]]
+    size = 0
+    for name in sorted(arrays):
+        own = arrays[name].nbytes + len(name) + _HEADER_BYTES
+        if shards[-1] and size + own > SHARD_BYTES:
+            shards.append([])
+            size = 0
+        shards[-1].append(name)
+        size += own
+    return shards
+
+
+def _shard(path: Path, number: int, count: int) -> Path:
+    return path.with_name(f"{path.stem}-{number:05d}-of-{count:05d}{path.suffix}")
+
+
+def _is_there(path: Path) -> bool:
+    return path.exists() or any(path.parent.glob(f"{path.stem}-00001-of-*{path.suffix}"))
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of one file, or of all its shards. Raises InputError where any is missing or damaged."""
+    first = sorted(path.parent.glob(f"{path.stem}-00001-of-*{path.suffix}"))
+    if path.exists() or not first:
+        return _load_file(path)
+    count = first[0].stem.rpartition("-")[2]
+    if len(first) > 1 or not count.isdecimal() or not 1 < int(count) < _MOST_SHARDS:
+        raise InputError(f"{first[0]} is damaged: it is no first part of a whole.", "Train it again.")
+    arrays: dict[str, np.ndarray] = {}
+    for number in range(1, int(count) + 1):
+        arrays |= _load_file(_shard(path, number, int(count)))
+    return arrays
+
+
+def _load_file(path: Path) -> dict[str, np.ndarray]:
     with reading(path):
         try:
             return load_file(path)

@@ -120,10 +120,10 @@ class ClipWriter:
 
     FILE: ClassVar[str]
 
-    def __init__(self, folder: str | os.PathLike[str]):
+    def __init__(self, folder: str | os.PathLike[str], *, libver: str | None = None):
         self._folder = Path(folder)
         self._rows: dict[str, ClipRow] = {}
-        self._file = h5py.File(self._folder / self.FILE, "x")
+        self._file = h5py.File(self._folder / self.FILE, "x", libver=libver)
         self._clips = self._file.create_group("clips")
 
     def _new_clip(self, row: ClipRow, frames: int) -> h5py.Group:

@@ -81,9 +81,16 @@ def _clips_1_to_2(source: Path, target: Path) -> None:
     pq.write_table(table, target / "clips.parquet")
 
 
+def _tpc_2_to_3(source: Path, target: Path) -> None:
+    """Version 3 knows packed clips; older ones have none."""
+    for path in source.iterdir():
+        carry_over(source, target, path.name)
+
+
 MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("motion", 0): _motion_0_to_1,
     ("motion", 1): _clips_1_to_2,
     ("tpc", 1): _clips_1_to_2,
+    ("tpc", 2): _tpc_2_to_3,
     ("latent", 1): _clips_1_to_2,
 }

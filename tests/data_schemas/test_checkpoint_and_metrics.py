@@ -134,3 +134,24 @@ def test_damaged_metrics_are_named(tmp_path):
         read_metrics(artefact)
     with pytest.raises(InputError, match="'checkpoint' artefact is needed"):
         read_checkpoint(artefact)
+
+
+def test_large_checkpoints_lie_in_shards(tmp_path, monkeypatch):
+    monkeypatch.setattr("data_schemas.checkpoint.SHARD_BYTES", 5000)
+    rng = np.random.default_rng(0)
+    arrays = {f"layer{n}": rng.normal(size=(300,)).astype(np.float32) for n in range(9)}
+    arrays["large"] = rng.normal(size=3000)  # never cut
+    _write(tmp_path / "c", weights=arrays, optimiser=arrays)
+    folder = open_artefact(tmp_path / "c").folder
+    shards = sorted(folder.glob("model-*.safetensors"))
+    assert len(shards) > 3 and not (folder / "model.safetensors").exists()
+    assert shards[0].name == f"model-00001-of-{len(shards):05d}.safetensors"
+    assert all(path.stat().st_size < 5000 for path in shards[1:])
+    got = read_checkpoint(tmp_path / "c")
+    for kept in (got.weights, got.optimiser):
+        assert kept is not None and set(kept) == set(arrays)
+        for name, values in arrays.items():
+            np.testing.assert_array_equal(kept[name], values)
+    shards[1].unlink()
+    with pytest.raises(InputError, match="is missing"):
+        read_checkpoint(tmp_path / "c")
