@@ -13,7 +13,7 @@ from data_schemas.skeleton import BODY_GROUPS
 
 COLOURS = ("#404040", "#1f77b4", "#d62728", "#17a2a2", "#ff7f0e")  # in the order of BODY_GROUPS
 _PIXELS_A_METRE = 110.0
-_LABEL, _GAP = 120, 8
+_LABEL, _HEAD, _GAP = 120, 58, 8
 _PATHS = 20  # points whose paths are drawn
 _TURN = np.radians(25)  # seen a little from the side, so that depth shows
 SPINE, LEFT_LEG, RIGHT_LEG = (BODY_GROUPS.index(name) for name in ("spine", "left_leg", "right_leg"))
@@ -38,7 +38,7 @@ def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
     width, height = ((high - low) * _PIXELS_A_METRE)[:2]
     frames = (0, first.shape[0] // 2, first.shape[0] - 1)
     left = [_LABEL + place * (width + _GAP) for place in range(4)]
-    page = (left[-1] + width + _GAP, 40 + len(panels) * (height + _GAP))
+    page = (left[-1] + width + _GAP, _HEAD + len(panels) * (height + _GAP))
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {page[0]:.0f} {page[1]:.0f}" '
         f'width="{page[0]:.0f}" height="{page[1]:.0f}" font-family="sans-serif" font-size="12">',
@@ -46,13 +46,11 @@ def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
         f'<text x="{_GAP}" y="16">{escape(title)}</text>',
     ]
     heads = [f"frame {frame + 1}" for frame in frames] + [f"paths of {min(_PATHS, len(kinds))} points"]
-    parts += [f'<text x="{x:.0f}" y="34" fill="#555555">{head}</text>' for x, head in zip(left, heads, strict=True)]
-    left_edge = _LABEL + width
-    for name, colour in zip(BODY_GROUPS, COLOURS, strict=True):
-        parts.append(f'<text x="{left_edge:.0f}" y="16" fill="{colour}">{name.replace("_", " ")}</text>')
-        left_edge += 72
+    parts += [f'<text x="{x:.0f}" y="52" fill="#555555">{head}</text>' for x, head in zip(left, heads, strict=True)]
+    for group, (name, colour) in enumerate(zip(BODY_GROUPS, COLOURS, strict=True)):
+        parts.append(f'<text x="{_LABEL + 72 * group}" y="34" fill="{colour}">{name.replace("_", " ")}</text>')
     for row, (panel, cloud) in enumerate(zip(panels, flat, strict=True)):
-        top = 40 + row * (height + _GAP)
+        top = _HEAD + row * (height + _GAP)
         parts.append(f'<text x="{_GAP}" y="{top + height / 2:.0f}">{escape(panel.label)}</text>')
         pixels = np.stack([cloud[..., 0] - low[0], high[1] - cloud[..., 1]], axis=-1) * _PIXELS_A_METRE
         for x, frame in zip(left, frames, strict=False):

@@ -50,7 +50,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     shown = _shown(windows, config.pictures)
     scenes = [windows[index] for index in shown]
     dense, dense_other, dense_groups = _draws(scenes, PICTURE_POINTS, config) if scenes else (truth, other, groups)
-    drawn = {"truth": dense, REFERENCE: dense_other}
+    drawn = {"truth": dense, "another draw": dense_other}
     tables = {REFERENCE: _figures(other, truth, groups)}
     progress.advance(len(windows), REFERENCE)
     for method in methods:
