@@ -54,9 +54,7 @@ def write_packed(group: h5py.Group, heads: np.ndarray, rotations: np.ndarray, pa
     group.attrs[_MOVING] = moving
 
 
-def read_packed(
-    group: h5py.Group, window: slice, parents: np.ndarray, frames: int
-) -> tuple[np.ndarray, np.ndarray]:
+def read_packed(group: h5py.Group, window: slice, parents: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
     """Heads (n, B, 3) metres and global rotations (n, B, 4) xyzw, float32, of a window of frames.
 
     Raises: ValueError where what is stored does not belong to these bones and frames.
@@ -114,9 +112,7 @@ def _write(group: h5py.Group, name: str, values: np.ndarray) -> None:
     )
 
 
-def _read(
-    group: h5py.Group, name: str, kind: Any, window: slice, shape: tuple[int, int]
-) -> np.ndarray:
+def _read(group: h5py.Group, name: str, kind: Any, window: slice, shape: tuple[int, int]) -> np.ndarray:
     """The window of (T, C) integers that `_write` stored, whole chunks of which are read and added up."""
     stored = group.get(name)
     if not isinstance(stored, h5py.Dataset) or stored.external or stored.is_virtual:

@@ -63,8 +63,11 @@ class AutoencoderTask:
         self.held_back = self._clouds(windows, rng, augment=False, copies=2)
 
     def draw(self, rng: RowRandom) -> CloudBatch:
-        windows = self.pool.draw(len(rng.rows), self.config.window, rng, augment=self.config.augment)
-        return self._clouds(windows, rng, augment=self.config.augment)[0]
+        config = self.config
+        windows = self.pool.draw(
+            len(rng.rows), config.window, rng, augment=config.augment, proportions=config.proportions
+        )
+        return self._clouds(windows, rng, augment=config.augment)[0]
 
     def _clouds(
         self, windows: Windows, rng: np.random.Generator, *, augment: bool, copies: int = 1

@@ -63,7 +63,9 @@ class SynthesiserTask:
 
     def draw(self, rng: RowRandom) -> FillBatch:
         config = self.config
-        windows = self.pool.draw(len(rng.rows), config.window, rng, augment=config.augment)
+        windows = self.pool.draw(
+            len(rng.rows), config.window, rng, augment=config.augment, proportions=config.proportions
+        )
         known = draw_known(windows.valid.sum(1), config.window, config.longest_gap, rng)
         return self._clouds(windows, known, rng, augment=config.augment)
 

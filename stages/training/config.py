@@ -31,6 +31,12 @@ class TrainingConfig(DeviceConfig):
     augment: bool = Field(
         True, description="Playback speed, size and left-right mirror, drawn afresh for each window."
     )
+    proportions: float = Field(
+        1.0,
+        description="With augment, bones grow or shrink by factors of up to this, left and right alike; 1 is off.",
+        ge=1.0,
+        le=2.0,
+    )
     balance: float = Field(
         0.0, description="A data set is drawn by its frames to this power: 0 an equal share each, 1 as they come."
     )

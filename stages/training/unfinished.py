@@ -52,6 +52,8 @@ class Unfinished:
         self._checkpoints = self.folder / "checkpoints"
         settings = config.model_dump(mode="json")
         self._settings = {name: value for name, value in settings.items() if name not in _FREE}
+        defaults = type(config).model_construct().model_dump(mode="json", warnings=False)
+        self._defaults = {name: value for name, value in defaults.items() if name in self._settings}
 
     @property
     def log_folder(self) -> Path:
@@ -87,7 +89,8 @@ class Unfinished:
             except InputError as error:
                 progress.message(f"{error.message} Trying the checkpoint before it.")
                 continue
-            if kept.config.get("training") == self._settings and kept.optimiser is not None:
+            # A setting that an older pumps did not have is what it is by default.
+            if {**self._defaults, **kept.config.get("training", {})} == self._settings and kept.optimiser is not None:
                 return kept
             progress.message(f"{self.folder.name} was made with other settings; starting afresh.")
             self.forget()

@@ -18,6 +18,7 @@ from data_schemas.tpc import TpcReader
 from stages.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
 from stages.pointcloud.sampling import place_points, points_in_bone
 from stages.training.frame_cache import FrameCache
+from stages.training.proportions import with_other_proportions
 from stages.training.task import rows_of
 
 _SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
@@ -98,9 +99,11 @@ class WindowPool:
         """Bytes of frames kept in memory."""
         return self._cache.kept_bytes
 
-    def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
-        """Windows of up to `window` frames at random places, playback speed varied if `augment`; each is drawn from
-        its own generator (`rows_of`)."""
+    def draw(
+        self, batch: int, window: int, rng: np.random.Generator, *, augment: bool, proportions: float = 1.0
+    ) -> Windows:
+        """Windows of up to `window` frames at random places, if `augment` with their playback speed varied and bones
+        up to `proportions` times as long or short; each is drawn from its own generator (`rows_of`)."""
         chance = np.stack([row.random(3) for row in rows_of(rng, batch)])
         clips = np.minimum(np.searchsorted(self._chances, chance[:, 0], side="right"), len(self.lengths) - 1)
         speed = _log_uniform(_SPEED, chance[:, 1]) if augment else np.ones(batch)
@@ -108,7 +111,8 @@ class WindowPool:
         first = chance[:, 2] * (self.lengths[clips] - 1 - span)
         if not augment:
             first = np.floor(first)
-        return self._read(clips, first, speed, window)
+        windows = self._read(clips, first, speed, window)
+        return with_other_proportions(windows, proportions, rng) if augment and proportions > 1 else windows
 
     def at(self, clips: np.ndarray, first: np.ndarray, window: int) -> Windows:
         """The windows of given clips (by index) from given first frames."""
