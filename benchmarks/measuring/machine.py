@@ -35,6 +35,14 @@ def name_of(device: torch.device) -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
+def cpu_and_wall_s(work: Callable[[], object], device: torch.device) -> tuple[float, float]:
+    """Seconds of one call on all processors together, and by the clock. The first changes little where other work
+    shares the machine, but only with one thread: several wait for each other busily."""
+    before = time.process_time()
+    wall = seconds_of(work, device)
+    return time.process_time() - before, wall
+
+
 def limits(device: torch.device) -> dict[str, Callable[[], float]]:
     """Measurements by name, to be called in turn with what is compared to them: products in GFLOP/s, copies in GB/s
     (bytes read and written), from main memory and within the cores' caches."""
