@@ -12,6 +12,21 @@ from stages.formats.figure import Poses, Rig
 Body = tuple[Rig, Poses]
 
 
+def changed(rig: Rig, poses: Poses, change: str, rng: np.random.Generator) -> tuple[Rig, Poses, np.ndarray]:
+    """The rig without names and changed in its "lengths", "order", "world", "axes", or in "all" of these; and which
+    old joint each new one is."""
+    rig, poses = renamed(rig, poses)
+    if change in ("lengths", "all"):
+        rig, poses = resized(rig, poses, rng)
+    if change in ("world", "all"):
+        rig, poses = turned(rig, poses, rng)
+    if change in ("axes", "all"):
+        rig, poses = with_other_axes(rig, poses, rng)
+    if change in ("order", "all"):
+        return shuffled(rig, poses, rng)
+    return rig, poses, np.arange(len(rig.names))
+
+
 def renamed(rig: Rig, poses: Poses) -> Body:
     """j0, j1, ..."""
     return replace(rig, names=tuple(f"j{joint}" for joint in range(len(rig.names)))), poses

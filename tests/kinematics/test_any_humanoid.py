@@ -15,7 +15,7 @@ from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import rig_and_poses
 from stages.formats.figure import Poses, Rig, body_of, motion_of_poses, places_of
 from stages.kinematics.anatomy import RigAnatomy, anatomy_of
-from tests.kinematics.rig_changes import renamed, resized, shuffled, turned, with_other_axes
+from tests.kinematics.rig_changes import changed, renamed, resized, shuffled, turned, with_other_axes
 from tests.kinematics.written_rigs import WRITTEN, WrittenRig, standing, written_rig
 
 CHANGES = ("names", "lengths", "order", "world", "axes", "all")
@@ -50,17 +50,7 @@ def test_groups_without_names_are_those_the_names_tell(name: str, change: str) -
     written = _written(name)
     expected = _found(written.rig, written.poses)
     for seed in range(2):
-        rng = np.random.default_rng(seed)
-        rig, poses = renamed(written.rig, written.poses)
-        order = np.arange(len(rig.names))
-        if change in ("lengths", "all"):
-            rig, poses = resized(rig, poses, rng)
-        if change in ("world", "all"):
-            rig, poses = turned(rig, poses, rng)
-        if change in ("axes", "all"):
-            rig, poses = with_other_axes(rig, poses, rng)
-        if change in ("order", "all"):
-            rig, poses, order = shuffled(rig, poses, rng)
+        rig, poses, order = changed(written.rig, written.poses, change, np.random.default_rng(seed))
         found = _found(rig, poses)
         assert found.groups.tolist() == written.groups[order].tolist()
         assert order[found.root] == expected.root
@@ -244,7 +234,5 @@ def test_a_figure_of_thirteen_joints_without_names(clip: str) -> None:
     rig, poses = rig_and_poses(read_bvh(path.read_bytes(), clip))
     named = _found(rig, poses)
     for seed in range(12):
-        rng = np.random.default_rng(seed)
-        changed, moved = with_other_axes(*turned(*resized(*renamed(rig, poses), rng), rng), rng)
-        changed, moved, order = shuffled(changed, moved, rng)
-        assert _found(changed, moved).groups.tolist() == named.groups[order].tolist()
+        other, moved, order = changed(rig, poses, "all", np.random.default_rng(seed))
+        assert _found(other, moved).groups.tolist() == named.groups[order].tolist()
