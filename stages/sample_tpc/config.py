@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from stages.config import ShardedConfig
 
@@ -23,3 +23,15 @@ class Config(ShardedConfig):
     bake: bool = Field(
         False, description="Store every point's position (dense) instead of bones' transforms (rigid)."
     )
+    pack: bool = Field(
+        False, description="Store bones' transforms in a tenth of the space, exact to fractions of a millimetre."
+    )
+    mixed_rigs: float = Field(
+        0.0, description="Share of the training clips to add on another rig of the collection as well.", ge=0, le=1
+    )
+
+    @model_validator(mode="after")
+    def _layouts_agree(self) -> Config:
+        if self.bake and (self.pack or self.mixed_rigs):
+            raise ValueError("--bake stores positions; --pack and --mixed-rigs are for bones' transforms")
+        return self

@@ -8,7 +8,9 @@ import numpy as np
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.clip_filter import clips_where
+from data_schemas.clips import ClipRow
 from data_schemas.motion import MotionReader
+from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import BoneSet, TpcWriter, place_points
 from stages.config import StageReport
 from stages.kinematics.forward import positions_of
@@ -16,6 +18,7 @@ from stages.kinematics.resampling import resample
 from stages.pointcloud.bones import bone_set
 from stages.progress import SILENT, Progress
 from stages.sample_tpc.config import Config
+from stages.sample_tpc.mixed_rigs import Rigs, on_another_rig, rigs_of
 
 
 @dataclass(frozen=True)
@@ -34,34 +37,47 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         clip satisfies, or a part that cannot be.
     """
     artefact = open_artefact(config.motion, "motion")
-    frames = 0
+    frames = clips = carried = 0
     with (
         MotionReader(artefact) as reader,
         write_artefact(config.output, "tpc", stage="sample-tpc", config=config, inputs=[artefact]) as draft,
-        TpcWriter(draft.folder) as writer,
+        TpcWriter(draft.folder, packed=config.pack) as writer,
     ):
-        rows = config.share_of(clips_where(reader.clips, config.where))
+        chosen = clips_where(reader.clips, config.where)
+        rows = config.share_of(chosen)
+        rigs = rigs_of(reader, chosen) if config.mixed_rigs else Rigs((), {})
         bodies = {}
-        for name in sorted({row.skeleton for row in rows}):
+        for name in sorted({*(row.skeleton for row in rows), *rigs.names}):
             bodies[name] = _Body(*bone_set(reader.skeleton(name), config.points, config.seed))
             if not config.bake:
                 writer.add_bones(bodies[name].bones, name)
         progress.start("Sampling clouds", total=len(rows))
         for row in rows:
-            body = bodies[row.skeleton]
-            motion = resample(reader.motion(row.clip), config.fps)
-            here = replace(row, frames=motion.frames, fps=config.fps, seconds=motion.frames / config.fps)
-            heads = positions_of(reader.skeleton(row.skeleton), motion)[:, body.joints]
-            rotations = motion.rotations[:, body.joints]
-            if config.bake:
-                points = place_points(body.bones, heads, rotations, config.sigma_m)
-                writer.add_dense(replace(here, skeleton=""), points, body.bones.groups[body.bones.point_bones])
-            else:
-                writer.add_rigid(here, heads, rotations)
-            frames += motion.frames
+            motion = reader.motion(row.clip)
+            others = on_another_rig(reader, row, motion, rigs, config.mixed_rigs, config.seed)
+            for here, moved in ((row, motion), *others):
+                frames += _add(writer, config, here, reader.skeleton(here.skeleton), moved, bodies[here.skeleton])
+                clips += 1
+                carried += here is not row
             progress.advance(1, row.clip)
-        draft.summary |= {"clips": len(rows), "frames": frames, "points": config.points}
-    layout = "baked positions" if config.bake else "bones' transforms"
-    line = f"{len(rows)} clips, {frames} frames at {config.fps:g} fps, {config.points} points, {layout}."
-    figures = {"clips": len(rows), "frames": frames, "skeletons": len(bodies)}
-    return StageReport(output=config.output, lines=[line], figures=figures)
+        draft.summary |= {"clips": clips, "frames": frames, "points": config.points, "on_other_rigs": carried}
+    layout = "baked positions" if config.bake else "bones' transforms" + (", packed" if config.pack else "")
+    lines = [f"{clips} clips, {frames} frames at {config.fps:g} fps, {config.points} points, {layout}."]
+    if config.mixed_rigs:
+        lines.append(f"{carried} of them are training clips on another rig of the collection.")
+    figures = {"clips": clips, "frames": frames, "skeletons": len(bodies), "on_other_rigs": carried}
+    return StageReport(output=config.output, lines=lines, figures=figures)
+
+
+def _add(writer: TpcWriter, config: Config, row: ClipRow, skeleton: Skeleton, motion: Motion, body: _Body) -> int:
+    """Store one clip at the rate asked for; returns its number of frames there."""
+    motion = resample(motion, config.fps)
+    row = replace(row, frames=motion.frames, fps=config.fps, seconds=motion.frames / config.fps)
+    heads = positions_of(skeleton, motion)[:, body.joints]
+    rotations = motion.rotations[:, body.joints]
+    if config.bake:
+        points = place_points(body.bones, heads, rotations, config.sigma_m)
+        writer.add_dense(replace(row, skeleton=""), points, body.bones.groups[body.bones.point_bones])
+    else:
+        writer.add_rigid(row, heads, rotations)
+    return motion.frames
