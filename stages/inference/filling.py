@@ -30,6 +30,9 @@ from stages.inference.clouds import (
     draw_on_skeleton,
     find_clouds,
 )
+from stages.inference.easing import ease_at_keys
+from stages.inference.filled import Filled, keys_at_gaps, nothing_to_fill, skates, velocity_jumps
+from stages.inference.foot_lock import lock_feet
 from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
 from stages.inference.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
@@ -50,6 +53,8 @@ class FillOptions:
     shift_floor_m: the same of the pelvis' shift.
     trust:       corrections are multiplied by this; 0 gives the base.
     give_up_m:   a gap whose points are left this far from their targets, on average, falls back to the base.
+    ease_s:      what a gap's velocity lacks at a key is lent to its frames over so long, seconds (0: not at all).
+    foot_lock:   hold feet that stand where they stand.
     sigma_m:     spread of the cloud around the bones.
     draws:       clouds of fresh points to encode, each as large as the encoder was trained on; their latents' mean
                  is used. Four win about as much as eight, and as much as four clouds of four times the points.
@@ -62,37 +67,16 @@ class FillOptions:
     shift_floor_m: float = 0.004
     trust: float = 1.0
     give_up_m: float = 0.25
+    ease_s: float = 0.4
+    foot_lock: bool = False
     sigma_m: float = 0.05
     draws: int = 4
 
 
 # Points without error: believe them.
 TRUE_CLOUD = FillOptions(
-    solve=SolveOptions(point_noise_m=0.02), smooth_span=0.0, turn_floor_rad=0.0, shift_floor_m=0.0
+    solve=SolveOptions(point_noise_m=0.02), smooth_span=0.0, turn_floor_rad=0.0, shift_floor_m=0.0, ease_s=0.0
 )
-
-
-@dataclass(frozen=True)
-class Filled:
-    """A filled motion and what a summary should say of it.
-
-    motion:         as many frames as were given, at the same rate; keys are the given rows, value for value.
-    plain:          (T, J) bool, True where a frame that is no key has the plain interpolation's local rotation.
-    jump_frames:    (K,) keys that border a gap and have frames on both sides.
-    jumps_mps:      (K,) mean change of the body joints' velocity at these keys, metres a second.
-    base_jumps_mps: (K,) the same of the plain interpolation.
-    longest_gap_s:  longest time between two neighbouring keys, or between a key and an end of the clip.
-    wander_m:       how far decoded points stray in the frames of the bones that they ride on, metres (median): the
-                    autoencoder's own error on this rig, large where the rig is strange to it.
-    """
-
-    motion: Motion
-    plain: np.ndarray
-    jump_frames: np.ndarray
-    jumps_mps: np.ndarray
-    base_jumps_mps: np.ndarray
-    longest_gap_s: float
-    wander_m: float
 
 
 class _Applied(NamedTuple):
@@ -137,7 +121,7 @@ def fill_motion(
     known = np.asarray(known, bool)
     keys, gaps = np.flatnonzero(known), np.flatnonzero(~known)
     if len(gaps) == 0:
-        return _nothing_to_fill(motion)
+        return nothing_to_fill(motion)
     key_pose = pose_of_motion(skeleton, rows_of_motion(motion, keys), device)
     key_times, gap_times = (torch.as_tensor(f * (MODEL_FPS / motion.fps), device=device) for f in (keys, gaps))
     smooth = damped_smoothness(key_times, MODEL_FPS) if options.base_smooth is None else options.base_smooth
@@ -155,28 +139,34 @@ def fill_motion(
         applied = _smoothed(scene, solved, options)
         frame_base = key_pose.at(key_times, gap_times, smooth, glide)
         pose = _corrected(scene, applied, frame_base, gap_times)
-    filled = replace_rows(skeleton, motion, pose, gaps)
+    loose = _eased(skeleton, replace_rows(skeleton, motion, pose, gaps), known, options.ease_s)
+    filled = lock_feet(skeleton, loose, known).motion if options.foot_lock else loose
     plain = np.zeros(filled.rotations.shape[:2], bool)
     plain[gaps] = applied.fallen[tokens.nearest(gaps)]
-    jump_frames = _keys_at_gaps(known)
+    base_filled = replace_rows(skeleton, motion, frame_base, gaps)
+    skate, base_skate, loose_skate = skates(skeleton, loose, known, filled, base_filled, loose)
+    jump_frames = keys_at_gaps(known)
     return Filled(
         filled,
         plain,
         jump_frames,
         velocity_jumps(skeleton, filled, jump_frames),
-        velocity_jumps(skeleton, replace_rows(skeleton, motion, frame_base, gaps), jump_frames),
+        velocity_jumps(skeleton, base_filled, jump_frames),
+        skate,
+        base_skate,
+        loose_skate,
         float(np.diff(np.concatenate([[0], keys, [motion.frames - 1]])).max() / motion.fps),
         float(clouds.binding.wander.nanmedian()),
     )
 
 
-def velocity_jumps(skeleton: Skeleton, motion: Motion, frames: np.ndarray) -> np.ndarray:
-    """(K,) mean over the body's joints of |velocity after - before| at inner frames (K,), metres a second."""
-    rows = rows_of_motion(motion, (frames[:, None] + np.array([-1, 0, 1])).ravel())
-    heads, _ = pose_of_motion(skeleton, rows).world(skeleton.parents)
-    heads = heads[:, torch.as_tensor(skeleton.groups >= 0)].unflatten(0, (-1, 3))
-    change = heads[:, 2] - 2 * heads[:, 1] + heads[:, 0]
-    return (change.norm(dim=-1).mean(-1) * motion.fps).numpy()
+def _eased(skeleton: Skeleton, filled: Motion, known: np.ndarray, span_s: float) -> Motion:
+    """The filled motion without kinks at its keys."""
+    if span_s <= 0:
+        return filled
+    gaps = np.flatnonzero(~known)
+    pose = ease_at_keys(pose_of_motion(skeleton, filled), known, filled.fps, span_s)
+    return replace_rows(skeleton, filled, pose.rows(torch.as_tensor(gaps)), gaps)
 
 
 def _check(
@@ -204,16 +194,6 @@ def _check(
         )
     if not np.any(skeleton.sampled):
         raise InputError("The skeleton has no bone that a point cloud can see.", "Look at it with pumps inspect.")
-
-
-def _nothing_to_fill(motion: Motion) -> Filled:
-    none = np.zeros(0)
-    plain = np.zeros(motion.rotations.shape[:2], bool)
-    return Filled(motion, plain, none.astype(np.int64), none, none, 1 / motion.fps, 0.0)
-
-
-def _keys_at_gaps(known: np.ndarray) -> np.ndarray:
-    return np.flatnonzero(known[1:-1] & ~(known[2:] & known[:-2])) + 1
 
 
 def _solve_tokens(scene: Scene, clouds: Clouds, options: SolveOptions) -> Corrections:
@@ -273,7 +253,8 @@ def _smoothed(scene: Scene, solved: Corrections, options: FillOptions) -> _Appli
     values = np.where(still[:, None], 0.0, values)
     if options.smooth_span > 0:
         turning = bends_of_rotations(base.local[:, solved.seen], tokens.times).reshape(len(values), -1)
-        moving = bends_of_positions(base.roots.double().cpu().numpy(), tokens.times)
+        pelvis = base.world(scene.skeleton.parents)[0][:, scene.skeleton.root]
+        moving = bends_of_positions(pelvis.double().cpu().numpy(), tokens.times)
         bends = np.concatenate([turning, moving], -1)
         values = smooth_corrections(values, bends, tokens.times, still, options.smooth_span)
     smooth = torch.as_tensor(values * options.trust, dtype=torch.float32, device=scene.device)

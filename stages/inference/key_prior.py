@@ -10,7 +10,7 @@ import roma
 import torch
 from torch import Tensor
 
-OPEN_KEYS = 1.0  # a rig of unknown joints counts as so many keys
+OPEN_KEYS = 1.0  # that nothing is known counts as so many keys, beside the first
 
 
 def turn_prior(local: Tensor, open_rad: float, widening: float = 4.0) -> Tensor:
@@ -30,7 +30,7 @@ def turn_prior(local: Tensor, open_rad: float, widening: float = 4.0) -> Tensor:
     away = roma.quat_product(roma.quat_conjugation(mean).expand_as(local), local * signs)
     away = roma.unitquat_to_rotvec(torch.where(away[..., 3:] < 0, -away, away))
     spread = torch.einsum("kji,kjl->jil", away, away) / max(keys - 1, 1)
-    expected = (keys * widening * spread + OPEN_KEYS * open_cov) / (keys + OPEN_KEYS)
+    expected = ((keys - 1) * widening * spread + OPEN_KEYS * open_cov) / (keys - 1 + OPEN_KEYS)
     values, axes = torch.linalg.eigh(expected)
     values = values.clamp(max=open_rad**2)
     return (axes / values.unsqueeze(-2)) @ axes.transpose(-1, -2)

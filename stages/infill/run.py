@@ -15,12 +15,13 @@ from stages.formats.bvh import BvhFile, read_bvh
 from stages.formats.bvh_motion import motion_of, rate_of
 from stages.formats.bvh_write import write_bvh
 from stages.formats.skeleton_map import choose_map, read_skeleton_map
-from stages.inference.filling import Filled, fill_motion
+from stages.inference.filled import Filled
+from stages.inference.filling import FillOptions, fill_motion
 from stages.inference.models import Models, load_weights
 from stages.infill.config import Config
 from stages.infill.euler_rows import rows_between_keys
 from stages.infill.request import Request, request_of
-from stages.infill.summary import fallbacks_of, lines_of_fallbacks, lines_of_jumps, warnings_of
+from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
 from stages.kinematics.conventions import MODEL_FPS
 from stages.progress import SILENT, Progress
 
@@ -118,7 +119,10 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Model
     known[at] = True
     motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
     device = models.autoencoder.device
-    return fill_motion(skeleton, motion, known, models, points=config.points, seed=config.seed, device=device)
+    options = FillOptions(foot_lock=config.foot_lock)
+    return fill_motion(
+        skeleton, motion, known, models, points=config.points, seed=config.seed, device=device, options=options
+    )
 
 
 def _report(
@@ -143,6 +147,7 @@ def _report(
     )
     lines += lines_of_fallbacks(fallbacks)
     lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)
+    lines.append(line_of_skate(filled, config.foot_lock))
     lines.append(
         f"Weights {models.name}, trained on {models.trained_on or 'data they do not name'}; "
         f"licences: {'; '.join(models.licences).rstrip('.') or 'none named'}."
@@ -159,6 +164,8 @@ def _report(
             {"frame": int(f), "m_per_s": float(a), "plain_m_per_s": float(b)}
             for f, a, b in zip(frames, filled.jumps_mps, filled.base_jumps_mps, strict=True)
         ],
+        "foot_skate_mps": None if np.isnan(filled.skate_mps) else filled.skate_mps,
+        "plain_foot_skate_mps": None if np.isnan(filled.base_skate_mps) else filled.base_skate_mps,
         "points_stray_m": filled.wander_m,
         "licences": list(models.licences),
     }

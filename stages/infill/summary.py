@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
-from stages.inference.filling import Filled
+from stages.inference.filled import Filled
 from stages.kinematics.conventions import MODEL_FPS
 
 STRANGE_RIG_M = 0.1  # decoded points that stray this far on their bones: the autoencoder does not know such a rig
@@ -90,3 +90,14 @@ def lines_of_jumps(frames: np.ndarray, jumps: np.ndarray, plain_jumps: np.ndarra
     ]
     worst = np.argsort(-jumps, kind="stable")[:WORST_SHOWN]
     return lines + [f"  {frames[row]}  {jumps[row]:.3f}  {plain_jumps[row]:.3f}" for row in worst]
+
+
+def line_of_skate(filled: Filled, locked: bool) -> str:
+    """How fast the feet slide while they stand, before and after."""
+    if np.isnan(filled.skate_mps):
+        return "No foot stands, so there is no foot skate to tell."
+    before = f"plain interpolation {filled.base_skate_mps:.3f}"
+    if locked:
+        before += f", before the feet were held {filled.loose_skate_mps:.3f}"
+    hint = "" if locked else "; --foot-lock holds them"
+    return f"Foot skate while the feet stand: {filled.skate_mps:.3f} m/s ({before}{hint})."

@@ -18,8 +18,8 @@ from stages.statistics.tables import ALL
 LEGEND = (
     "Mean over frames [95% bootstrap interval over clips], on all bones that clouds see, keys included. "
     "Jerk: mean third difference of joints' places, over the truth's. Foot skate: horizontal speed of the feet "
-    "while the true feet stand (docs/evaluation.md). The solve sees positions, body groups and the poses at the keys; "
-    "slerp the poses at the keys alone."
+    "while the true feet stand (docs/evaluation.md). The solve sees positions, body groups and the keys' poses; "
+    "slerp the keys' poses alone."
 )
 FAULTS = ("mpjpe_mm", "mpjae_deg", "l2q", "jerk_ratio", "frames_per_s")
 

@@ -1,0 +1,176 @@
+"""Feet that stand stay where they stand: a clean-up of filled frames that moves legs and nothing else.
+
+While a contact joint stands (`stages.kinematics.foot_contacts`), its foot is shifted as a whole to one place: through
+the keys' own places where keys are among the frames, else to the mean. The shift fades in and out over neighbouring
+frames, is nothing at every key, and the leg's joints above the foot are solved for it; the foot keeps its direction,
+the pelvis its place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.inference.binding import Binding
+from stages.inference.key_prior import turn_prior
+from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.solving import SolveOptions, solve_pose
+from stages.kinematics.foot_contacts import (
+    HEIGHT_SHARE,
+    SPEED_SHARE,
+    Feet,
+    detect_contacts,
+    find_feet,
+    floor_levels,
+)
+from stages.kinematics.forward import global_rotations, positions_of
+
+FADE_S = 0.2
+FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was no standing one
+LEG = SolveOptions(point_noise_m=0.005, huber_m=1.0, turn_prior_rad=0.5, shift_prior_m=1e-4, iterations=12)
+STILL_RAD = 1e-4
+
+
+@dataclass(frozen=True)
+class Locked:
+    """A motion whose feet were held, and the contacts (T, F) by which; `Feet` says of which joints."""
+
+    motion: Motion
+    contacts: np.ndarray
+    feet: Feet
+
+
+def lock_feet(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> Locked:
+    """Hold standing feet in the frames that are not known.
+
+    Args:
+        motion: T frames, filled. known: (T,) bool; known frames come back value for value.
+
+    Raises: InputError where the skeleton has no two legs.
+    """
+    feet = find_feet(skeleton)
+    places = positions_of(skeleton, motion)
+    contacts = standing_feet(places, feet, motion.fps, known)
+    gaps = np.flatnonzero(~known)
+    shifts = _foot_shifts(places, contacts, feet, known, motion.fps)
+    if len(gaps) == 0 or not np.any(shifts):
+        return Locked(motion, contacts, feet)
+    pose = pose_of_motion(skeleton, rows_of_motion(motion, gaps))
+    keys = pose_of_motion(skeleton, rows_of_motion(motion, np.flatnonzero(known)))
+    moved = _solved(skeleton, pose, keys, feet, shifts[gaps], motion.track_joints)
+    return Locked(replace_rows(skeleton, motion, moved, gaps), contacts, feet)
+
+
+def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
+    """(T, F) bool: contact joints that stand, in a motion of which some frames are filled.
+
+    By the definition of `detect_contacts`, with the floor of the known frames; and between two neighbouring keys in
+    both of which a joint is low, in places that it could not have left and come back to while standing slow, all
+    frames in which it stays low: that it slides there is the filling's doing. A joint that is further from its place
+    than `FURTHEST_SHARE` of the leg does not stand.
+    """
+    levels = floor_levels(positions, feet, known)
+    contacts = detect_contacts(positions, feet, fps, levels=levels)
+    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
+    keys = np.flatnonzero(known)
+    for first, last in pairwise(keys):
+        if last - first < 2:
+            continue
+        apart = np.linalg.norm(positions[last, feet.joints] - positions[first, feet.joints], axis=-1)
+        near = apart <= min(SPEED_SHARE * (last - first) / fps / 2, SPEED_SHARE / 3) * feet.leg_m
+        planted = low[first] & low[last] & near
+        contacts[first : last + 1] |= low[first : last + 1] & planted
+    for column, joint in enumerate(feet.joints):
+        away = np.linalg.norm(_held(positions[:, joint], contacts[:, column], known), axis=-1)
+        contacts[:, column] &= away <= FURTHEST_SHARE * feet.leg_m
+    return contacts
+
+
+def _foot_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray, fps: float) -> np.ndarray:
+    """(T, 2, 3) how far each leg's foot is to be moved, metres, in the order of `LEGS`."""
+    legs = np.unique(feet.groups)
+    shifts = np.zeros((len(places), len(legs), 3))
+    for leg, group in enumerate(legs):
+        members = np.flatnonzero(feet.groups == group)
+        wanted = np.zeros((len(places), len(members), 3))
+        for column, member in enumerate(members):
+            wanted[:, column] = _held(places[:, feet.joints[member]], contacts[:, member], known)
+        held = contacts[:, members]
+        count = held.sum(1, keepdims=True)
+        own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
+        shifts[:, leg] = _faded(own, held.any(1), known, max(round(FADE_S * fps), 1))
+    return shifts
+
+
+def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(T, 3) from a joint's path to the place it is to keep, in the frames in which it stands."""
+    out = np.zeros((len(path), 3))
+    for run in _runs(stands):
+        keys = run[known[run]]
+        if len(keys):
+            place = np.stack([np.interp(run, keys, path[keys, axis]) for axis in range(3)], -1)
+        else:
+            place = path[run].mean(0)
+        out[run] = place - path[run]
+    return out
+
+
+def _faded(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fade: int) -> np.ndarray:
+    """Shifts that grow to those of the held frames and die away again, and are nothing at keys.
+
+    A foot that stops to stand, or that changes from heel to toe, must not jump: over `fade` frames to each side the
+    shift goes from one to the other along a curve that begins and ends level.
+    """
+    frames = np.arange(len(shifts))
+    out = np.zeros_like(shifts)
+    anchors = np.flatnonzero(held | known)
+    out[anchors] = np.where(known[anchors, None], 0.0, shifts[anchors])
+    for run in _runs(~(held | known)):
+        before, after = int(run[0]) - 1, int(run[-1]) + 1
+        for edge, sign in ((before, 1), (after, -1)):
+            if 0 <= edge < len(shifts):
+                reach = min(fade, len(run) + 1)
+                share = np.clip(1 - sign * (frames[run] - edge) / reach, 0, 1)
+                out[run] += (share**2 * (3 - 2 * share))[:, None] * out[edge]
+    return out
+
+
+def _runs(flags: np.ndarray) -> list[np.ndarray]:
+    """Runs of True as arrays of indices."""
+    found = np.flatnonzero(flags)
+    return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
+
+
+def _solved(
+    skeleton: Skeleton, pose: LocalPose, keys: LocalPose, feet: Feet, shifts: np.ndarray, track_joints: np.ndarray
+) -> LocalPose:
+    """The pose with the legs turned so that the feet come where they are wanted, the feet's directions kept."""
+    heads, rotations = pose.world(skeleton.parents)
+    tops = [next(j for j in chain if j in feet.joints) for chain in feet.chains]
+    count = len(tops)
+    binding = Binding(torch.tensor(tops), torch.zeros(count, 3), torch.ones(count), torch.zeros(count))
+    targets = heads[:, tops] + torch.as_tensor(shifts, dtype=heads.dtype)
+    prior = turn_prior(keys.local, LEG.turn_prior_rad)
+    prior[skeleton.root] = torch.eye(3) * STILL_RAD**-2
+    found = solve_pose(targets, binding, *pose, skeleton.parents, skeleton.root, LEG, prior)
+    active = torch.as_tensor(np.abs(shifts).sum((1, 2)) > 0)
+    turns = torch.where(active[:, None, None], found.turns, torch.zeros_like(found.turns))
+    turns[:, skeleton.root] = 0
+    moved = correct_pose(pose, turns, torch.zeros_like(found.shifts), skeleton, track_joints)
+    return LocalPose(_with_feet_kept(skeleton, moved.local, rotations, tops), moved.roots, moved.offsets)
+
+
+def _with_feet_kept(skeleton: Skeleton, local: Tensor, rotations: Tensor, tops: list[int]) -> Tensor:
+    """Local rotations in which the feet have their old directions in the world."""
+    turned = global_rotations(local, skeleton.parents)
+    out = local.clone()
+    for joint in tops:
+        above = turned[:, int(skeleton.parents[joint])]
+        out[:, joint] = roma.quat_product(roma.quat_conjugation(above), rotations[:, joint])
+    return out

@@ -1,0 +1,94 @@
+"""Held feet: they slide less, keys stay bit for bit, knees bend the way they did, nothing pops; on real clips."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import roma
+import torch
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.formats.bvh import read_bvh
+from stages.formats.bvh_motion import motion_of
+from stages.inference.filled import skates
+from stages.inference.foot_lock import lock_feet, standing_feet
+from stages.inference.local_pose import pose_of_motion, replace_rows, rows_of_motion
+from stages.kinematics.foot_contacts import find_feet
+from stages.kinematics.forward import positions_of
+from stages.kinematics.plain_interpolation import damped_smoothness
+from tests.inference.test_filling import keys_every
+
+CLIPS = Path(__file__).resolve().parents[2] / "stages" / "clips"
+
+
+@lru_cache
+def interpolated(name: str, step: int) -> tuple[Skeleton, Motion, Motion, np.ndarray]:
+    """A clip, and the plain interpolation of its keys."""
+    path = CLIPS / f"{name}.bvh"
+    skeleton, motion, _ = motion_of(read_bvh(path.read_bytes(), str(path)))
+    known = keys_every(motion.frames, step)
+    keys, gaps = np.flatnonzero(known), np.flatnonzero(~known)
+    times = torch.as_tensor(keys).double()
+    pose = pose_of_motion(skeleton, rows_of_motion(motion, keys))
+    between = pose.at(times, torch.as_tensor(gaps).double(), damped_smoothness(times, motion.fps))
+    return skeleton, motion, replace_rows(skeleton, motion, between, gaps), known
+
+
+@pytest.mark.parametrize(
+    ("name", "step"), [("walk", 15), ("walk", 10), ("dance_a", 15), ("crawl", 15), ("punch", 20)]
+)
+def test_feet_slide_less_and_keys_stay(name: str, step: int):
+    skeleton, _, filled, known = interpolated(name, step)
+    locked = lock_feet(skeleton, filled, known)
+    before, after = skates(skeleton, filled, known, filled, locked.motion)
+    assert after < 0.6 * before
+    for field in ("rotations", "root_positions", "tracks"):
+        ours, theirs = getattr(locked.motion, field), getattr(filled, field)
+        assert ours[known].tobytes() == theirs[known].tobytes()
+    # Only legs move.
+    legs = np.isin(skeleton.groups, (3, 4))
+    upper = positions_of(skeleton, locked.motion)[:, ~legs] - positions_of(skeleton, filled)[:, ~legs]
+    assert np.abs(upper).max() < 2e-3
+
+
+@pytest.mark.parametrize("name", ["walk", "dance_a"])
+def test_knees_do_not_flip_and_nothing_pops(name: str):
+    skeleton, truth, filled, known = interpolated(name, 15)
+    locked = lock_feet(skeleton, filled, known).motion
+    feet = find_feet(skeleton)
+
+    knees = [chain[1] for chain in feet.chains]
+
+    def bends(motion: Motion) -> np.ndarray:
+        """(T, 2, 3) the knees' local rotation vectors."""
+        local = pose_of_motion(skeleton, motion).local[:, knees]
+        return roma.unitquat_to_rotvec(torch.where(local[..., 3:] < 0, -local, local)).numpy()
+
+    axis = np.linalg.svd(bends(truth).reshape(-1, 3), full_matrices=False)[2][0]
+    angles, true_angles = bends(locked) @ axis, bends(truth) @ axis
+    assert true_angles.min() - 0.2 < angles.min() and angles.max() < true_angles.max() + 0.2
+    sideways = bends(locked) - angles[..., None] * axis
+    assert np.abs(sideways).max() < 0.1 + np.abs(bends(truth) - true_angles[..., None] * axis).max()
+
+    def third(motion: Motion) -> np.ndarray:
+        return np.linalg.norm(np.diff(positions_of(skeleton, motion), n=3, axis=0), axis=-1)
+
+    assert third(locked).max() < 1.5 * third(truth).max()
+    steps = [np.linalg.norm(np.diff(positions_of(skeleton, m), axis=0), axis=-1).max() for m in (locked, truth)]
+    assert steps[0] < 1.5 * steps[1]
+
+
+def test_a_foot_that_slides_between_two_keys_in_one_place_is_found():
+    skeleton, _, filled, known = interpolated("walk", 15)
+    feet = find_feet(skeleton)
+    places = positions_of(skeleton, filled)
+    contacts = standing_feet(places, feet, filled.fps, known)
+    assert 0.1 < contacts.mean() < 0.95
+
+
+def test_nothing_hidden_nothing_changed():
+    skeleton, motion, _, _ = interpolated("walk", 15)
+    assert lock_feet(skeleton, motion, np.ones(motion.frames, bool)).motion is motion
