@@ -57,4 +57,10 @@ class TrainingConfig(DeviceConfig):
     )
     patience: int = Field(0, description="Validations without gain before stopping early; 0 never stops early.")
     max_time: float = Field(0, description="Minutes after which to stop with a checkpoint that resumes; 0 for none.")
+    minutes: float = Field(
+        0,
+        description="Finish after so many minutes of training, over all calls, whatever the steps: the rate falls to "
+        "zero towards them, so that two runs are not the same. 0: steps alone decide.",
+        ge=0,
+    )
     tensorboard: bool = Field(False, description="Also write TensorBoard logs (needs the extra 'tensorboard').")

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from data_schemas.checkpoint import read_checkpoint
-from data_schemas.errors import PumpsError
+from data_schemas.errors import PumpsError, UsageError
 from stages.progress import SILENT, Progress
 from stages.training.batches import drawn_ahead, parts_of
 from stages.training.config import TrainingConfig
@@ -46,10 +46,13 @@ class Trained:
     optimiser: dict[str, np.ndarray] | None = None
 
 
-def learning_rate(config: TrainingConfig, step: int) -> float:
-    """Linear warm-up, inverse-square-root decay, then a straight way to zero over the last `cooldown` share."""
+def learning_rate(config: TrainingConfig, step: int, seconds: float = 0.0) -> float:
+    """Linear warm-up, inverse-square-root decay, then a straight way to zero over the last `cooldown` share of the
+    steps, or of the time where `minutes` ends a training before."""
     rate = config.learning_rate * min((step + 1) / max(1, config.warmup), (max(1, config.warmup) / (step + 1)) ** 0.5)
     left = (config.steps - step) / max(1.0, config.cooldown * config.steps)
+    if config.minutes:
+        left = min(left, max(0.0, 60 * config.minutes - seconds) / max(1.0, config.cooldown * 60 * config.minutes))
     return rate * min(1.0, left)
 
 
@@ -76,6 +79,8 @@ class _Run:
     def __init__(self, task: Task, config: TrainingConfig, ranks: Ranks, progress: Progress):
         self.task, self.config, self.ranks, self.progress = task, config, ranks, progress
         self.parts = parts_of(config, ranks, getattr(task, "splits", False))
+        if config.minutes and ranks.count > 1:
+            raise UsageError("A training of so many minutes runs in one process.", "Give steps instead of minutes.")
         self.named = dict(task.networks.named_parameters())
         self.device = next(iter(self.named.values())).device
         self.optimiser = torch.optim.AdamW(
@@ -99,12 +104,13 @@ class _Run:
         self.progress.advance(place.step)
         late = False
         with closing(drawn_ahead(self.task, config, self.parts, place.step)) as batches:
-            while place.step < config.steps and not late and not self._stale():
+            while not late and not self._done():
                 numbers = self._step(batches, time.monotonic() > deadline)
                 place.step += 1
                 place.seconds = time.monotonic() - began
-                logged = place.step % _LOG_EVERY == 0 or place.step == config.steps
-                validated = place.step % config.validate_every == 0 or place.step == config.steps
+                last = place.step == config.steps or self._spent()
+                logged = place.step % _LOG_EVERY == 0 or last
+                validated = place.step % config.validate_every == 0 or last
                 kept = place.step % config.checkpoint_every == 0
                 note = ""
                 # On a GPU a step is not waited for, but where its figures are wanted.
@@ -120,7 +126,7 @@ class _Run:
                     self._keep()
         if self.log is not None:
             self.log.close()
-        finished = place.step == config.steps or self._stale()
+        finished = self._done()
         moments = arrays_of(moments_of(self.optimiser, self.named)) if config.keep_optimiser and finished else None
         return Trained(
             arrays_of(self.best_weights or self.average),
@@ -133,6 +139,12 @@ class _Run:
             moments,
         )
 
+    def _done(self) -> bool:
+        return self.place.step >= self.config.steps or self._stale() or self._spent()
+
+    def _spent(self) -> bool:
+        return 0 < self.config.minutes * 60 <= self.place.seconds
+
     def _stale(self) -> bool:
         return 0 < self.config.patience <= self.place.stale
 
@@ -142,7 +154,7 @@ class _Run:
     def _step(self, batches: Any, late: bool) -> dict[str, Tensor]:
         """One step of the optimiser. Returns scalar tensors, on the device, that `_seen` reads."""
         config, step, task = self.config, self.place.step, self.task
-        rate = learning_rate(config, step)
+        rate = learning_rate(config, step, self.place.seconds)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         task.networks.train()

@@ -26,7 +26,7 @@ from stages.training.config import TrainingConfig
 
 # May differ when a run goes on: what is learnt is the same, but for rounding.
 _FREE = {
-    "output", "device", "max_time", "tensorboard", "checkpoint_every", "keep_checkpoints", "keep_optimiser",
+    "output", "device", "max_time", "minutes", "tensorboard", "checkpoint_every", "keep_checkpoints", "keep_optimiser",
     "workers", "cache_mb", "accumulate", "activation_checkpointing",
 }  # fmt: skip
 

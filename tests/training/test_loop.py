@@ -154,3 +154,27 @@ def test_the_learning_rate_warms_up_and_falls_to_nothing():
     assert max(rates) == rates[9] == pytest.approx(1.0)
     assert rates[50] == pytest.approx((10 / 51) ** 0.5)
     assert rates[99] < 0.05
+
+
+def test_minutes_end_a_training_whatever_its_steps(clouds, tmp_path):
+    report = run(config_for(clouds, tmp_path / "ae", minutes=1e-6))
+    assert report.figures["finished"] and report.figures["step"] == 1
+    assert [row["split"] for row in read_checkpoint(tmp_path / "ae").log] == ["train", "val"]
+    assert "score" in report.figures["val"]
+
+
+def test_minutes_are_counted_over_all_calls(clouds, tmp_path):
+    settings = {"steps": 400, "minutes": 0.05, "validate_every": 400}
+    calls = 1
+    while not run(config_for(clouds, tmp_path / "ae", max_time=0.01, **settings)).figures["finished"]:
+        calls += 1
+        assert calls < 40
+    assert calls > 1
+    rows = [row for row in read_checkpoint(tmp_path / "ae").log if row["split"] == "train"]
+    assert 3 <= rows[-1]["seconds"] < 20
+
+
+def test_the_rate_falls_to_zero_towards_the_end_of_the_minutes(tmp_path):
+    config = TrainingConfig(output=tmp_path, steps=1000, learning_rate=1.0, warmup=1, cooldown=0.5, minutes=10)
+    rates = [learning_rate(config, 3, seconds) for seconds in (0, 299, 450, 600, 700)]
+    assert rates == pytest.approx([0.5, 0.5, 0.25, 0, 0], abs=2e-3)
