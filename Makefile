@@ -11,6 +11,7 @@
 #                  optional: RUN (pcmrl), PRESET (pcmrl), SET='train-citl.steps=20000', another RUN for other settings
 # make rig-report  the same tables' rig networks on the rigs' own test motions, beside the truth
 # make test        linters, types, import directions, tests
+# make fuzz        20 times as many damaged files for every reader as the tests give them; TIMES=200 for more
 # make bench-train   times training steps at the paper's sizes and writes docs/performance.md; PRESET, DEVICE=cuda,
 #                  BATCH=40, AUTHORS=adapter.py (another implementation's step, timed beside ours)
 # make bench-ingest  times reading, beside other libraries, and writes docs/performance.md; DATA='a.zip b.zip'
@@ -40,7 +41,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured test lint bench bench-train bench-ingest any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3
+.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured test lint bench bench-train bench-ingest any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -288,6 +289,11 @@ lint: install-dev
 # One thread a process: two processes whose libraries each take both cores wait for each other most of the time.
 test: lint
 	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
+
+# How much more than the tests give: each of them is 2,000 damaged files for every format, 500 for every archive.
+TIMES ?= 20
+fuzz: install-dev
+	PUMPS_FUZZ=$(TIMES) OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 -q tests/formats/test_fuzz_readers.py
 
 bench: install-dev
 	@for script in $(filter-out benchmarks/training_step.py,$(wildcard benchmarks/*.py)); do \

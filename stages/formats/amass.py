@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import InputError
 from stages.formats.arrays import read_arrays
 from stages.formats.figure import Poses, Rig
-from stages.formats.recording import MAX_JOINTS, Asked, Recording, recording_of
+from stages.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
 from stages.formats.smpl import GENDERS, LAYOUTS, RestJoints, neutral_joints, parents_of, subject_joints
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
@@ -16,6 +16,7 @@ _Place = tuple[float, float, float]
 _PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")
 _RIG = ("joint_names", "parents", "offsets")
 _WANTED = ("poses", "trans", "gender", "betas", *_RATES, *_PARTS, *_RIG, "ends")
+_BLOCK = 4096  # frames
 _LAYOUT_OF = {3 * len(names): layout for layout, names in LAYOUTS.items()}
 
 
@@ -43,9 +44,9 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
         rest, remarks = _rest_joints(arrays, pickled, name, layout, asked)
         ends = ((0.0, 0.0, 0.0),) * len(rest.offsets)
         rig, pelvis = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ends), rest.pelvis
-    local = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(frames, len(rig.names), 4)
+    check_room(name, len(data), frames, len(rig.names))
     # The model turns about the pelvis where it stands at rest, then moves by trans.
-    poses = Poses(local, trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
+    poses = Poses(_quaternions(vectors), trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
     return [recording_of(name, rig, poses, asked, notes=notes, remarks=remarks)]
 
 
@@ -70,8 +71,8 @@ def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None
     offsets, ends = _numbers(arrays, "offsets", name), _numbers(arrays, "ends", name)
     ends = np.zeros((joints, 3)) if ends is None else ends
     parents = arrays["parents"]
-    sizes = (width, np.shape(offsets), ends.shape, parents.shape)
-    if sizes != (3 * joints, (joints, 3), (joints, 3), (joints,)) or parents.dtype.kind not in "iu":
+    sizes = (width, None if offsets is None else offsets.shape, ends.shape, parents.shape)
+    if sizes != (3 * joints, (joints, 3), (joints, 3), (joints,)) or parents.dtype.kind not in "iu" or joints == 0:
         raise InputError(f"{name}: joint_names, parents, offsets and poses are not of the same joints.")
     if joints > MAX_JOINTS or parents[0] != -1 or ((parents[1:] < 0) | (parents[1:] >= np.arange(1, joints))).any():
         raise InputError(f"{name}: parents are no tree in which the parent comes first.")
@@ -81,6 +82,15 @@ def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None
 
 def _places(rows: np.ndarray) -> tuple[_Place, ...]:
     return tuple((x, y, z) for x, y, z in rows.tolist())
+
+
+def _quaternions(vectors: np.ndarray) -> np.ndarray:
+    """(T, J, 4) float32 of rotation vectors (T, 3 J), some frames at a time."""
+    out = np.empty((len(vectors), vectors.shape[1] // 3, 4), np.float32)
+    for start in range(0, len(vectors), _BLOCK):
+        block = vectors[start : start + _BLOCK].astype(np.float64)
+        out[start : start + _BLOCK] = Rotation.from_rotvec(block.reshape(-1, 3)).as_quat().reshape(len(block), -1, 4)
+    return out
 
 
 def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
@@ -104,19 +114,19 @@ def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 
 def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray | None:
-    """An array as float64, None where it is not there. Raises InputError where it is no finite numbers."""
+    """An array of finite numbers as floats, None where it is not there. Raises InputError where it is none."""
     array = arrays.get(key)
     if array is None:
         return None
     if array.dtype.kind not in "biuf":
         raise InputError(f"{name}: {key} holds no numbers.")
-    values = array.astype(np.float64)
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
-        where = f" in frame {bad[0][0]}" if values.ndim > 1 else ""
+    values = array if array.dtype in (np.float32, np.float64) else array.astype(np.float32)
+    finite = np.isfinite(values)
+    if not finite.all():
+        where = f" in frame {np.argwhere(~finite)[0][0]}" if values.ndim > 1 else ""
         raise InputError(f"{name}: {key} is not finite{where}.")
-    if values.size and np.abs(values).max() > 1e6:
-        raise InputError(f"{name}: {key} holds {np.abs(values).max():.3g}, which is no angle or place.")
+    if values.size and max(values.max(), -values.min()) > 1e6:
+        raise InputError(f"{name}: {key} holds {max(values.max(), -values.min()):.3g}, which is no angle or place.")
     return values
 
 

@@ -33,7 +33,7 @@ _TAR_SUFFIXES: dict[str, Callable[..., Any]] = {
 ARCHIVE_SUFFIXES = (".zip", *_TAR_SUFFIXES)
 _DAMAGED = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, gzip.BadGzipFile, EOFError, NotImplementedError,
-    RuntimeError, KeyError, ValueError, OverflowError, OSError,
+    RuntimeError, LookupError, ValueError, OverflowError, OSError,
 )  # fmt: skip
 
 
@@ -130,7 +130,7 @@ def _zip(archive: str, stamp: tuple[int, int]) -> zipfile.ZipFile:
 
 def _in_zip(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, int, int]]:
     for info in _zip(archive, stamp).infolist():
-        if not info.is_dir() and "__MACOSX" not in info.filename:
+        if info.filename and not info.is_dir() and "__MACOSX" not in info.filename:
             yield info.filename, info.file_size, info.compress_size, -1
 
 
@@ -202,3 +202,9 @@ def _in_tar(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, in
                 continue
             if "__MACOSX" not in info.name and not PurePosixPath(info.name).name.startswith("._"):
                 yield info.name, info.size, packed, info.offset_data
+
+
+def forget() -> None:
+    """Close what is kept open, for files that change faster than a clock's tick."""
+    for cached in (_listed, _zip, _tar_stream):
+        cached.cache_clear()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import warnings
 import zipfile
 import zlib
 from collections.abc import Collection
@@ -28,7 +29,9 @@ def read_array(data: bytes, name: str) -> np.ndarray:
     try:
         version = np.lib.format.read_magic(stream)
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, by_columns, dtype = header(stream)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a header in an old spelling is read all the same
+            shape, by_columns, dtype = header(stream)
     except Exception:  # the header is a Python literal, whose parser raises whatever it meets
         raise InputError(f"{name} is no NumPy array or is damaged.") from None
     if dtype.hasobject:
@@ -71,7 +74,16 @@ def read_arrays(data: bytes, name: str, wanted: Collection[str]) -> tuple[dict[s
                 with archive.open(info) as file:
                     # The list may understate the size; read no more than it says, and one byte.
                     content = file.read(info.file_size + 1)
-            except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError, ValueError):
+            except (
+                zipfile.BadZipFile,
+                zlib.error,
+                EOFError,
+                NotImplementedError,
+                RuntimeError,
+                LookupError,
+                OSError,
+                ValueError,
+            ):
                 raise InputError(f"{name}: its array '{key}' is damaged.", "Fetch it again.") from None
             try:
                 arrays[key] = read_array(content, f"{name}: the array '{key}'")
@@ -83,7 +95,7 @@ def read_arrays(data: bytes, name: str, wanted: Collection[str]) -> tuple[dict[s
 def _opened(data: bytes, name: str) -> zipfile.ZipFile:
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError, OverflowError):
+    except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError, OverflowError):
         raise InputError(f"{name} is no NumPy archive or is damaged.", "Fetch it again.") from None
     if len(archive.namelist()) > 10_000:
         raise InputError(f"{name} holds {len(archive.namelist())} arrays, which is no recording.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -178,24 +179,29 @@ def _parse_rows(
     lines = body.split(b"\n" if newline != b"\r" else b"\r")
     if newline == b"\r\n":
         lines = [line[:-1] if line.endswith(b"\r") else line for line in lines]
-    numbers = [i for i, line in enumerate(lines) if line and not line.isspace()]
-    rows = [lines[i] for i in numbers]
+    rows = [line for line in lines if line and not line.isspace()]
     values, bad = _fill_values(rows, columns)
     if bad:
         unwrapped = None if keep_unreadable else _unwrap_rows(body, columns)
         if unwrapped is not None:
             return unwrapped
         if not keep_unreadable:
-            raise _row_error(rows[bad[0]], columns, place, place.first_line + numbers[bad[0]])
+            raise _row_error(rows[bad[0]], columns, place, place.first_line + _line_of(lines, bad[0]))
         values[bad] = np.nan
     if not keep_unreadable and not np.isfinite(values).all():
         row, column = np.argwhere(~np.isfinite(values))[0]
-        line = place.first_line + numbers[row]
+        line = place.first_line + _line_of(lines, int(row))
         raise InputError(
             f"{place.name}, line {line}: {place.joint_of(column)} in frame {row} is {values[row, column]},"
             " not a finite number."
         )
     return rows, values
+
+
+def _line_of(lines: list[bytes], row: int) -> int:
+    """Which line holds a row: blank lines are no rows."""
+    held = (i for i, line in enumerate(lines) if line and not line.isspace())
+    return next(islice(held, row, None))
 
 
 def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 _TURNS = "Zrotation Xrotation Yrotation"
 _PLACES = "Xposition Yposition Zposition"
+_DEEPEST_INDENT = 32  # a line of thousands of joints would else be mostly blanks
 _UNFIT = re.compile(r"[\x00-\x20\x7f-\x9f{}\u2028\u2029]+")
 
 
@@ -48,7 +49,7 @@ def header_text(
     to_do: list[tuple[int, int]] = [(0, 0)]  # joint, or -1 for a closing brace, and depth
     while to_do:
         joint, depth = to_do.pop()
-        pad = "  " * depth
+        pad = "  " * min(depth, _DEEPEST_INDENT)
         if joint < 0:
             lines.append(f"{pad}}}")
             continue

@@ -5,11 +5,12 @@ Readers give joints, local rotations and places in the source's own unit and axe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
@@ -25,6 +26,7 @@ _TRIM_LOOKAHEAD = 32
 _SIDES_SPACING_S = 0.2
 _SIDES_FRAMES = 300
 _CLEAR_BALANCE = 0.25
+_BLOCK = 4096  # frames
 _JUMP_M = 0.25  # between two frames; a joint of a living body stays below
 
 _Place = tuple[float, float, float]
@@ -57,7 +59,7 @@ class Rig:
 class Poses:
     """What T frames say, in the rig's unit and axes.
 
-    local: (T, J, 4) xyzw rotations in the parents' frames. root: (T, 3) joint 0 in the world.
+    local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32. root: (T, 3) joint 0 in the world.
     moving: joints below joint 0 whose place in the parent's frame varies; tracks: (T, K, 3) of them.
     """
 
@@ -155,13 +157,18 @@ def motion_of_poses(
     frames = len(poses.local)
     if rest_frame is not None and not 0 <= rest_frame < frames:
         raise InputError(f"Rest frame {rest_frame} is outside of its frames 0 to {frames - 1}.")
-    rotations = _chain(poses.local, body.parents)
+    # Short clips are chained once; of long ones a block at a time, which is all the room that their chains take.
+    whole = _chain(poses.local, body.parents) if frames <= _BLOCK else None
+
+    def rotations_at(index: np.ndarray) -> np.ndarray:
+        return _chain(poses.local[index], body.parents) if whole is None else whole[index]
+
     guides = _guide_frames(frames) if rest_frame is None else np.array([rest_frame])
     opening = np.arange(min(_TRIM_LOOKAHEAD, frames))
     looked_at = np.concatenate([opening, guides])
     world = _world_positions(
         body.offsets, poses.root[looked_at], poses.moving, poses.tracks[looked_at] if len(poses.moving) else None,
-        rotations[looked_at], body.parents,
+        rotations_at(looked_at), body.parents,
     )  # fmt: skip
     world, opening_world = world[len(opening) :], world[: len(opening)] * body.unit_m
     parts = body.parts
@@ -174,7 +181,7 @@ def motion_of_poses(
             "If it is one, say which joints are its limbs with --skeleton-map.",
         )
     if not parts.sided:
-        parts, facing = find_sides(_body_poses(body, poses, rotations, rest_frame), parts)
+        parts, facing = find_sides(_body_poses(body, poses, rotations_at, rest_frame), parts)
         doubt = "" if abs(facing.balance) > _CLEAR_BALANCE else ", which is hardly clear about them"
         notes.append(f"Joint names tell no sides; left and right were found from the pose{doubt}.")
     if body.unit_note:
@@ -183,10 +190,9 @@ def motion_of_poses(
     roots = poses.root * body.unit_m
     if turn is not None:
         roots = turn.apply(roots)
-        rotations = euler.multiply(turn.as_quat(), rotations)
     tracks = poses.tracks * body.unit_m if len(poses.moving) else np.zeros((frames, 0, 3))
     motion = Motion(
-        rotations=np.ascontiguousarray(_continuous(rotations), np.float32),
+        rotations=_upright(poses.local, body.parents, turn, whole),
         root_positions=roots.astype(np.float32),
         fps=poses.fps,
         track_joints=np.array(poses.moving, np.int32),
@@ -200,15 +206,32 @@ def motion_of_poses(
     return skeleton, motion, notes
 
 
-def _body_poses(body: Body, poses: Poses, rotations: np.ndarray, rest_frame: int | None) -> BodyPoses:
+def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whole: np.ndarray | None) -> np.ndarray:
+    """(T, J, 4) float32 global rotations, turned to Y up, sign-continuous; `whole` where they are chained already."""
+    out = np.empty(local.shape, np.float32)
+    for start in range(0, len(local), _BLOCK):
+        block = _chain(local[start : start + _BLOCK], parents) if whole is None else whole
+        if turn is not None:
+            block = euler.multiply(turn.as_quat(), block)
+        block = _continuous(block)
+        if start:
+            block *= np.where((block[0] * out[start - 1]).sum(axis=-1, keepdims=True) < 0, -1.0, 1.0)
+        out[start : start + len(block)] = block
+    return out
+
+
+def _body_poses(
+    body: Body, poses: Poses, rotations_at: Callable[[np.ndarray], np.ndarray], rest_frame: int | None
+) -> BodyPoses:
     """Joints and bone ends in up to a few hundred frames, a fraction of a second apart, to find the sides by."""
-    frames = len(rotations)
+    frames = len(poses.local)
     step = max(1, round(_SIDES_SPACING_S * poses.fps), -(-frames // _SIDES_FRAMES))
     # The first frame may be a calibration pose.
     seen = np.arange(min(1, frames - 1), frames, step) if rest_frame is None else np.array([rest_frame])
     tracks = poses.tracks[seen] if len(poses.moving) else None
-    heads = _world_positions(body.offsets, poses.root[seen], poses.moving, tracks, rotations[seen], body.parents)
-    return BodyPoses(heads, bone_tips(heads, rotations[seen], body.tails, body.told), step / poses.fps)
+    rotations = rotations_at(seen)
+    heads = _world_positions(body.offsets, poses.root[seen], poses.moving, tracks, rotations, body.parents)
+    return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.told), step / poses.fps)
 
 
 def first_frames_dropped(motion: Motion, count: int) -> Motion:
@@ -240,8 +263,8 @@ def _skeleton(header: str, body: Body, parts: BodyParts, up_axis: str) -> Skelet
 
 
 def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Global rotations (T, J, 4) of local ones, one depth of the tree at a time."""
-    parts = local.transpose(2, 1, 0)
+    """Global rotations (T, J, 4) float64 of local ones, one depth of the tree at a time."""
+    parts = local.astype(np.float64, copy=False).transpose(2, 1, 0)
     out = parts.copy()
     for level in _levels(parents.tobytes()):
         out[:, level] = euler.multiply_parts(out[:, parents[level]], parts[:, level])

@@ -52,16 +52,19 @@ class Document:
             raise InputError(f"{name} holds no JSON that can be read.", "Is the file truncated?") from None
         if not isinstance(self.json, dict) or not str(self.json["asset"]["version"]).startswith("2"):
             raise InputError(f"{name} is no glTF 2.0.", "Export it anew as glTF 2.0.")
+        self._lists: dict[str, list[dict[str, Any]]] = {}
         self._buffers: dict[int, bytes] = {}
         self._numbers: dict[int, np.ndarray] = {}
         self._budget = 8 * len(data) + (16 << 20)  # accessors may overlap: all of them together take no more
 
     def items(self, key: str) -> list[dict[str, Any]]:
         """One of the top-level lists, each entry a mapping."""
-        listed = self.json.get(key, [])
-        if not isinstance(listed, list) or not all(isinstance(item, dict) for item in listed):
-            raise InputError(f"{self.name}: its {key} are no list of objects.")
-        return listed
+        if key not in self._lists:
+            listed = self.json.get(key, [])
+            if not isinstance(listed, list) or not all(isinstance(item, dict) for item in listed):
+                raise InputError(f"{self.name}: its {key} are no list of objects.")
+            self._lists[key] = listed
+        return self._lists[key]
 
     def index(self, value: Any, key: str) -> int:
         """`value` as an index into a top-level list."""

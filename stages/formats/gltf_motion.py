@@ -25,6 +25,7 @@ _SCALE_SLACK = 2e-3
 _STILL = 1e-4  # of the figure's size
 _SPARSE_FPS, _USUAL_FPS, _MOST_FPS = 10.0, 30.0, 240.0
 _LONGEST_S = 36_000.0
+_DEEPEST = 1000  # nodes above one another
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
     """The clips of a file, one for each animation of its skin. Raises InputError naming it."""
     with reading_gltf(name):
         document = Document(data, name)
-        nodes = _nodes(document)
+        nodes = _Nodes(document)
         animations = [_tracks(document, animation) for animation in document.items("animations")]
         notes: list[str] = []
         skin = _skin(document, nodes, {node for tracks in animations for node, _ in tracks}, notes)
@@ -63,7 +64,7 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
         if not moving:
             raise InputError(f"{name} has no animation of its skin.", "Export it with its animation.")
         parts = plain_names([str(document.items("animations")[index].get("name", "")) for index, _ in moving])
-        room = 200_000 + len(data) // 16
+        room = 600_000 + len(data) // 8
         recordings = []
         for part, (_, tracks) in zip(parts, moving, strict=True):
             tracks = {key: track for key, track in tracks.items() if key[0] in inside}
@@ -78,7 +79,22 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
 # --- the scene ----------------------------------------------------------------------------------
 
 
-def _nodes(document: Document) -> list[_Node]:
+class _Nodes:
+    """The scene's nodes, each read when it is asked for: most scenes hold many that are no joints."""
+
+    def __init__(self, document: Document):
+        self._document = document
+        self._parents = _parents(document)
+        self._read: dict[int, _Node] = {}
+
+    def __getitem__(self, index: int) -> _Node:
+        if index not in self._read:
+            listed = self._document.items("nodes")[index]
+            self._read[index] = _node(self._document, listed, index, self._parents[index])
+        return self._read[index]
+
+
+def _parents(document: Document) -> list[int]:
     listed = document.items("nodes")
     parents = [-1] * len(listed)
     for index, node in enumerate(listed):
@@ -87,7 +103,7 @@ def _nodes(document: Document) -> list[_Node]:
             if parents[child] >= 0 or child == index:
                 raise InputError(f"{document.name}: node {child} has two parents.")
             parents[child] = index
-    return [_node(document, node, index, parents[index]) for index, node in enumerate(listed)]
+    return parents
 
 
 def _node(document: Document, node: dict[str, Any], index: int, parent: int) -> _Node:
@@ -136,7 +152,7 @@ def _tracks(document: Document, animation: dict[str, Any]) -> dict[tuple[int, st
     return found
 
 
-def _skin(document: Document, nodes: list[_Node], animated: set[int], notes: list[str]) -> _Skin:
+def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str]) -> _Skin:
     """The skin with the most joints, with the nodes between them, and those above it that move."""
     skins = [[document.index(j, "nodes") for j in skin["joints"]] for skin in document.items("skins")]
     if not skins or not max(skins, key=len):
@@ -145,6 +161,8 @@ def _skin(document: Document, nodes: list[_Node], animated: set[int], notes: lis
         )
     chosen = max(skins, key=len)
     others = {joint for skin in skins for joint in skin} - set(chosen)
+    if len(others) + len(chosen) > MAX_JOINTS:
+        raise InputError(f"{document.name} has {len(others) + len(chosen)} joints, and {MAX_JOINTS} are the most.")
     lines = {joint: _upwards(nodes, joint, document.name) for joint in {*chosen, *others}}
     root = lines[chosen[0]][-1]
     shared = {joint for joint in others if lines[joint][-1] == root}  # other meshes of the same figure
@@ -156,7 +174,7 @@ def _skin(document: Document, nodes: list[_Node], animated: set[int], notes: lis
         common &= set(lines[joint])
     if not common:
         raise InputError(f"{document.name}: its skin hangs together by no node.", "Join its roots under one.")
-    top = max(common, key=lambda node: len(_upwards(nodes, node, document.name)))
+    top = next(node for node in lines[chosen[0]] if node in common)
     above = _upwards(nodes, top, document.name)
     top = next((node for node in reversed(above) if node in animated), top)
     for joint in list(inside):
@@ -164,8 +182,6 @@ def _skin(document: Document, nodes: list[_Node], animated: set[int], notes: lis
             inside.add(node)
             if node == top:
                 break
-    if len(inside) > MAX_JOINTS:
-        raise InputError(f"{document.name} has {len(inside)} joints, and {MAX_JOINTS} are the most.")
     order = [top]
     children: dict[int, list[int]] = {}
     for node in sorted(inside):
@@ -178,17 +194,17 @@ def _skin(document: Document, nodes: list[_Node], animated: set[int], notes: lis
     return _Skin(order, parents, _placement(document, nodes, above[above.index(top) + 1 :]))
 
 
-def _upwards(nodes: list[_Node], node: int, name: str) -> list[int]:
+def _upwards(nodes: _Nodes, node: int, name: str) -> list[int]:
     """A node, its parent, and so on up."""
     line = [node]
     while nodes[line[-1]].parent >= 0:
         line.append(nodes[line[-1]].parent)
-        if len(line) > MAX_JOINTS:
+        if len(line) > _DEEPEST:
             raise InputError(f"{name}: its nodes go round in a ring, or are nested too deep.")
     return line
 
 
-def _placement(document: Document, nodes: list[_Node], above: list[int]) -> tuple[np.ndarray, float, np.ndarray]:
+def _placement(document: Document, nodes: _Nodes, above: list[int]) -> tuple[np.ndarray, float, np.ndarray]:
     turn, scale, place = np.array([0.0, 0.0, 0.0, 1.0]), 1.0, np.zeros(3)
     for node in reversed(above):
         place = place + scale * euler.rotate(turn, nodes[node].translation)
@@ -210,7 +226,7 @@ def _even_scale(scales: np.ndarray, where: str) -> float:
 
 def _figure(
     document: Document,
-    nodes: list[_Node],
+    nodes: _Nodes,
     skin: _Skin,
     tracks: dict[tuple[int, str], Track],
     fps: float | None,

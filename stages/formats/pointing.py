@@ -23,45 +23,48 @@ _BLOCK = 4096
 def pointed_rotations(
     rest: np.ndarray, parents: Sequence[int], positions: np.ndarray, measured: np.ndarray
 ) -> np.ndarray:
-    """Local rotations (T, J, 4) xyzw.
+    """Local rotations (T, J, 4) float32 xyzw.
 
     Args:
         rest: (J, 3) heads in the parents' frames, parents before children, joint 0 first.
         positions: (T, J, 3) in the world; rows of joints that are not `measured` (J,) bool mean nothing, and their
             joints are stiff.
     """
-    out = np.empty((len(positions), len(parents), 4))
+    out = np.empty((len(positions), len(parents), 4), np.float32)
     for start in range(0, len(positions), _BLOCK):  # the decomposition needs several arrays of matrices
         block = slice(start, start + _BLOCK)
-        out[block] = _pointed(rest, parents, positions[block], measured)
+        out[block] = _pointed(rest, parents, positions[block].astype(np.float64), measured)
     return out
 
 
 def _pointed(rest: np.ndarray, parents: Sequence[int], positions: np.ndarray, measured: np.ndarray) -> np.ndarray:
     turned = np.zeros((len(positions), len(parents), 4))
     local = np.zeros_like(turned)
+    children: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            children[parent].append(joint)
     for joint, parent in enumerate(parents):
         above = turned[:, parent] if parent >= 0 else np.tile([0.0, 0.0, 0.0, 1.0], (len(positions), 1))
-        bones = _seen_bones(joint, rest, parents, measured) if measured[joint] else []
+        bones = _seen_bones(joint, rest, children, measured) if measured[joint] else []
         turned[:, joint] = _turned(bones, above, positions, joint)
         local[:, joint] = euler.multiply(above * np.array([-1.0, -1.0, -1.0, 1.0]), turned[:, joint])
     return local
 
 
 def _seen_bones(
-    joint: int, rest: np.ndarray, parents: Sequence[int], measured: np.ndarray
+    joint: int, rest: np.ndarray, children: list[list[int]], measured: np.ndarray
 ) -> list[tuple[int, np.ndarray, float]]:
     """The nearest measured joints below one, with their places in its frame at rest and how much each counts."""
     found = []
-    waiting = [(child, rest[child]) for child, parent in enumerate(parents) if parent == joint]
+    waiting = [(child, rest[child], True) for child in children[joint]]
     while waiting:
-        child, place = waiting.pop()
+        child, place, straight = waiting.pop()
         if measured[child]:
             if np.linalg.norm(place) > _SAME:
-                straight = parents[child] == joint
                 found.append((child, place, float(np.linalg.norm(place)) * (1.0 if straight else _THROUGH)))
         else:
-            waiting += [(below, place + rest[below]) for below, parent in enumerate(parents) if parent == child]
+            waiting += [(below, place + rest[below], False) for below in children[child]]
     return sorted(found, key=lambda bone: bone[0])
 
 

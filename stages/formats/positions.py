@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from stages.formats.figure import Poses, Rig, body_of
 from stages.formats.joint_lists import LISTS
 from stages.formats.pointing import pointed_rotations
 from stages.formats.positions_csv import read_csv
-from stages.formats.recording import MAX_JOINTS, Asked, Recording, recording_of
+from stages.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
 from stages.kinematics.reference_pose import find_up_axis
 
 USUAL_FPS = 30.0
@@ -55,6 +55,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     measured = _read_measured(data, name)
     measured, frame = _with_joints(measured, name, asked)
     notes: list[str] = []
+    check_room(name, len(data), len(measured.places), len(frame.names))
     places = _filled(measured.places, frame, name, notes)
     fps = asked.fps_override or measured.fps
     if fps is None:
@@ -75,11 +76,14 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
         body = body_of(rig)
     except InputError as error:
         raise InputError(f"{name}: {error.message}", error.hint) from None
-    if rig_up := find_up_axis(np.zeros_like(offsets), places, body.parts):  # no pose at rest is known to stand
-        rig = Rig(**{**rig.__dict__, "up_axis": rig_up})
+    if rig_up := find_up_axis(
+        np.zeros_like(offsets), places[:: max(1, len(places) // 64)], body.parts
+    ):  # no pose at rest is known to stand
+        rig = replace(rig, up_axis=rig_up)
     local = pointed_rotations(offsets, frame.parents, places, seen)
     recording = recording_of(name, rig, Poses(local, places[:, 0].copy(), fps), asked, notes=notes)
-    return [recording]
+    holes = ~np.isfinite(measured.places[:, frame.column[seen]]).all(axis=(1, 2))
+    return [replace(recording, repaired_frames=int(holes.sum()))]
 
 
 # --- what the file holds ------------------------------------------------------------------------
@@ -118,12 +122,16 @@ def _of_npz(data: bytes, name: str) -> Measured:
 
 
 def _cube(array: np.ndarray, name: str) -> np.ndarray:
-    """(T, J, 3) float64."""
-    if array.ndim == 2 and array.shape[1] % 3 == 0:
+    """(T, J, 3) floats."""
+    if array.ndim == 2 and array.size and array.shape[1] % 3 == 0:
         array = array.reshape(len(array), -1, 3)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "iuf" or 0 in array.shape:
         raise InputError(f"{name} has the shape {array.shape}, expected frames, joints and 3.")
-    return array.astype(np.float64)
+    return (
+        array
+        if array.dtype in (np.float32, np.float64)
+        else array.astype(np.float32 if array.itemsize < 4 else float)
+    )
 
 
 def _sensible_rate(fps: float, name: str) -> float:
@@ -275,7 +283,7 @@ def _ordered(
 
 def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[str]) -> np.ndarray:
     """(T, J, 3) of the frame's joints: gaps bridged straight, zeros for joints that nothing measures."""
-    out = np.zeros((len(places), len(frame.names), 3))
+    out = np.zeros((len(places), len(frame.names), 3), places.dtype)
     missing = 0
     times = np.arange(len(places))
     for joint, column in enumerate(frame.column):

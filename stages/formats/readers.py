@@ -161,7 +161,7 @@ def _of_arrays(data: bytes) -> Format | None:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             arrays = {name.removesuffix(".npy") for name in archive.namelist()[:1000]}
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError):
+    except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError):
         return format_named("amass")  # whose reader says what is wrong
     if "poses" in arrays or {"root_orient", "pose_body"} <= arrays:
         return format_named("amass")

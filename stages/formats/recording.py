@@ -82,6 +82,18 @@ def recording_of(
     return Recording(skeleton, motion, part, [*notes, *found], list(remarks))
 
 
+def check_room(name: str, size: int, frames: int, joints: int) -> None:
+    """Refuse a file of `size` bytes that would make more poses than such a file tells.
+
+    A pose of a joint takes some 60 bytes while it is read; a file may take 64 MB and ten times its own size.
+    """
+    if frames * joints > 1_000_000 + size // 6:
+        raise InputError(
+            f"{name} would make {frames} frames of {joints} joints, which is more than {size / 1e6:.1f} MB tell.",
+            "Split it, or name a skeleton with fewer joints.",
+        )
+
+
 def depth_first(rig: Rig, poses: Poses) -> tuple[Rig, Poses]:
     """The same figure with its joints in the order in which a BVH lists them."""
     children: list[list[int]] = [[] for _ in rig.names]

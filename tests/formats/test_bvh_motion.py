@@ -189,3 +189,12 @@ def test_key_rows_alone_give_the_same_skeleton() -> None:
     assert np.array_equal(other.offsets, skeleton.offsets) and other.unit_m == skeleton.unit_m
     agree = np.abs((at_keys.rotations * motion.rotations[keys]).sum(-1))
     assert np.allclose(agree, 1, atol=1e-6)
+
+
+def test_long_clips_are_chained_in_blocks_that_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = BvhText(frames=50, z_up=True)
+    _, _, whole, _ = _read(text)
+    monkeypatch.setattr("stages.formats.figure._BLOCK", 7)
+    _, _, blocks, _ = _read(text)
+    assert np.array_equal(blocks.rotations, whole.rotations)
+    assert (np.sum(blocks.rotations[1:] * blocks.rotations[:-1], axis=-1) >= 0).all()

@@ -165,25 +165,31 @@ def test_gaps_are_bridged_and_told() -> None:
     holed = places.copy()
     holed[5:7, names.index("LeftHand")] = np.nan
     recording = _read(_npy(holed), rig=RIG.data(), rig_name="rig.bvh")
-    assert any("2 missing places" in note for note in recording.notes)
+    assert any("2 missing places" in note for note in recording.notes) and recording.repaired_frames == 2
     assert np.abs(_places(recording, names) * 100 - places).max() < 6
     holed[:, names.index("LeftHand")] = np.nan
     with pytest.raises(InputError, match="'LeftHand' is missing in 20 of 20"):
         _read(_npy(holed), rig=RIG.data(), rig_name="rig.bvh")
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6))
-def test_turning_the_places_turns_the_rotations(seed: int) -> None:
+def test_turning_the_places_turns_the_root_alone(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    parents = (-1, 0, 1, 1, 0, 4)
-    rest = rng.normal(size=(6, 3))
-    places = np.cumsum(rng.normal(size=(3, 6, 3)), axis=1)
+    parents = (-1, 0, 1, 1, 0, 0)
+    rest = np.array([[0, 0, 0], [0, 1, 0], [1, 0.3, 0], [-1, 0.3, 0.2], [0.2, -1, 0], [0, -0.8, 1.0]])
+    places = np.zeros((3, 6, 3))
+    for frame in range(3):
+        turned = [Rotation.random(random_state=seed + frame)]
+        for joint in range(1, 6):
+            places[frame, joint] = places[frame, parents[joint]] + turned[parents[joint]].apply(rest[joint])
+            turned.append(turned[parents[joint]] * Rotation.from_rotvec(rng.normal(0, 0.5, 3)))
+    places += rng.normal(0, 0.02, places.shape)
     turn = Rotation.from_rotvec(rng.normal(0, 1, 3))
-    seen = np.ones(6, bool)
-    before = pointed_rotations(rest, parents, places, seen)
-    after = pointed_rotations(rest, parents, turn.apply(places.reshape(-1, 3)).reshape(places.shape), seen)
-    # Only the root turns; a joint with one bone may twist against its parent no more than before.
+    before = pointed_rotations(rest, parents, places, np.ones(6, bool))
+    after = pointed_rotations(
+        rest, parents, turn.apply(places.reshape(-1, 3)).reshape(places.shape), np.ones(6, bool)
+    )
     root = Rotation.from_quat(after[:, 0]) * (turn * Rotation.from_quat(before[:, 0])).inv()
     assert root.magnitude().max() < 1e-3
     assert np.abs((after[:, 1:] * before[:, 1:]).sum(axis=-1)).min() > 1 - 1e-5

@@ -1,0 +1,24 @@
+"""What holds for all tests: how many damaged files the readers were given is told at the end."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """One line a reader: files that were damaged on purpose, and how many of them could be read all the same."""
+    given: Counter[str] = Counter()
+    read: Counter[str] = Counter()
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            for key, value in getattr(report, "user_properties", ()):
+                if key == "damaged_files" and getattr(report, "when", "") == "call":
+                    kind, files, sound = str(value).split()
+                    given[kind] += int(files)
+                    read[kind] += int(sound)
+    if given:
+        terminalreporter.section("damaged files given to readers", sep="-")
+        for kind, files in given.items():
+            terminalreporter.write_line(f"{kind}: {files} ({read[kind]} were still read, the others refused)")
