@@ -218,6 +218,18 @@ STAGES: tuple[Stage, ...] = (
         arguments=("run",), pipeline=False,
     ),
     Stage(
+        "list-weights", ("weights", "list"), "stages.list_weights",
+        "List the weights that come with pumps: size, licences, training data.",
+        (), "", "pumps weights list",
+        pipeline=False,
+    ),
+    Stage(
+        "show-weights", ("weights", "show"), "stages.show_weights",
+        "Tell what is known of some weights: licences, validation, what they are good and bad at.",
+        ("checkpoint",), "", "pumps weights show tiny",
+        arguments=("name",), pipeline=False,
+    ),
+    Stage(
         "export", ("export",), "stages.export",
         "Give motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
@@ -254,6 +266,7 @@ GROUP_SUMMARIES = {
     "ingest": "Read recordings into a motion artefact.",
     "measure": "Measure one part by itself.",
     "train": "Train a network.",
+    "weights": "Tell what weights there are.",
 }
 
 

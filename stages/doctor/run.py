@@ -67,7 +67,7 @@ def _device(asked: str) -> dict[str, str]:
 
 def _weights() -> list[dict[str, Any]]:
     """The shipped weights, with the licences of what they were trained on."""
-    from stages.inference.models import shipped_weights, weights_folder
+    from stages.shipped import shipped_weights, weights_folder
 
     found = []
     for name in shipped_weights():

@@ -16,8 +16,9 @@ from data_schemas.skeleton import Motion
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
 from stages.inference.filling import fill_motion
-from stages.inference.models import load_weights, named_source, weights_folder
+from stages.inference.models import load_weights, named_source
 from stages.networks.device import choose_device
+from stages.shipped import weights_folder
 from stages.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.statistics.tasks import PREDICTION
 from stages.statistics.windows import Task, Window

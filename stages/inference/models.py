@@ -19,8 +19,8 @@ from stages.networks.device import choose_device
 from stages.networks.frame_encoder import FrameEncoder
 from stages.networks.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
 from stages.networks.synthesiser import LatentSynthesiser
+from stages.shipped import parts_of, weights_folder
 
-SHIPPED = Path(__file__).resolve().parent.parent / "weights"
 _FRAMES_AT_ONCE = 512  # clouds encoded in one call: enough to be fast, few enough to stay in memory
 
 
@@ -195,13 +195,6 @@ def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:
     return wide_start, wide_stop
 
 
-def shipped_weights() -> list[str]:
-    """Names of the weights that come with the package."""
-    if not SHIPPED.is_dir():
-        return []
-    return sorted(each.name for each in SHIPPED.iterdir() if (each / "ae" / "manifest.json").is_file())
-
-
 def named_source(text: str) -> tuple[str, str]:
     """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part."""
     name, equals, source = text.partition("=")
@@ -210,22 +203,6 @@ def named_source(text: str) -> tuple[str, str]:
     if not name or not source:
         raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
     return name, source
-
-
-def weights_folder(name_or_path: str | Path) -> Path:
-    """The folder with `ae` and `lms` that a name or path means.
-
-    Raises: InputError naming the shipped weights, where it means none.
-    """
-    for folder in (Path(name_or_path), SHIPPED / str(name_or_path)):
-        for ae in ("ae", "train-ae"):
-            if (folder / ae / "manifest.json").is_file():
-                return folder
-    shipped = ", ".join(shipped_weights()) or "none"
-    raise InputError(
-        f"There are no weights {name_or_path}: neither a folder with ae and lms, nor shipped ({shipped}).",
-        "Give --weights a shipped name, or the run's folder that `pumps train` wrote into.",
-    )
 
 
 def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
@@ -260,9 +237,9 @@ def load_weights(name_or_path: str | Path, device: str = "auto") -> Models:
     Raises: InputError where there are none, or the synthesiser was trained on another encoder.
     """
     folder = weights_folder(name_or_path)
-    names = ("ae", "lms") if (folder / "ae" / "manifest.json").is_file() else ("train-ae", "train-lms")
-    autoencoder = load_autoencoder(folder / names[0], device)
-    artefact: Artefact = open_artefact(folder / names[1], "checkpoint")
+    ae, lms = parts_of(folder)
+    autoencoder = load_autoencoder(ae, device)
+    artefact: Artefact = open_artefact(lms, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
     if kept.config.get("encoder_digest") != autoencoder.digest:
         raise InputError(

@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import Field
 
 from stages.config import DeviceConfig
+from stages.shipped import default_weights
 
 
 class Config(DeviceConfig):
@@ -23,7 +24,10 @@ class Config(DeviceConfig):
     frames: str | None = Field(
         None, description="The input's rows are keys alone: their frame numbers in the output."
     )
-    weights: str = Field("tiny", description="A shipped set of weights by name, or a folder that holds ae and lms.")
+    weights: str = Field(
+        default_factory=default_weights,
+        description="A shipped set of weights by name (pumps weights list), or a folder that holds ae and lms.",
+    )
     fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.")
     skeleton_map: Path | None = Field(
         None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."

@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import Field
 
 from stages.config import DeviceConfig
+from stages.shipped import default_weights
 
 
 class Config(DeviceConfig):
@@ -14,7 +15,8 @@ class Config(DeviceConfig):
 
     motion: Path = Field(description="The motion artefact whose held-out clips are encoded.")
     weights: str = Field(
-        "tiny", description="Shipped weights by name, a run's folder, or an autoencoder's checkpoint."
+        default_factory=default_weights,
+        description="Shipped weights by name, a run's folder, or an autoencoder's checkpoint.",
     )
     output: Path = Field(description="Folder of the metrics artefact.")
     splits: tuple[str, ...] = Field(("test",), description="Which splits are measured.")

@@ -18,7 +18,7 @@ from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader, skeleton_id
 from stages.config import StageReport
 from stages.inference.measured_clouds import redraw_cloud
-from stages.inference.models import Autoencoder, load_autoencoder, weights_folder
+from stages.inference.models import Autoencoder, load_autoencoder
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.resampling import resample, resampled_frames
 from stages.kinematics.rig_changes import Rigged
@@ -28,6 +28,7 @@ from stages.measure_latents.summary import Measured, summary_md, terminal_lines
 from stages.pointcloud.assignment import paired_difference
 from stages.pointcloud.reconstruction import distances
 from stages.progress import SILENT, Progress
+from stages.shipped import weights_folder
 from stages.statistics.archives import archive_of
 from stages.statistics.windows import Window, chosen_windows
 

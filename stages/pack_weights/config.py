@@ -16,3 +16,8 @@ class Config(StageConfig):
     output: Path = Field(description="Folder for the weights: its parts are ae and lms, and its card MODEL_CARD.md.")
     half: bool = Field(True, description="Keep the weights in half precision.")
     name: str = Field("", description="What the weights are called; the output folder's name by default.")
+    measured: Path | None = Field(
+        None,
+        description="A metrics artefact of this very run (pumps evaluate): what they are good and bad at.",
+    )
+    method: str = Field("pumps", description="What the metrics artefact calls these weights.")

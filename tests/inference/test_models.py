@@ -6,13 +6,11 @@ import torch
 from data_schemas.artefact import open_artefact, verify
 from data_schemas.errors import InputError
 from stages.inference.models import (
-    SHIPPED,
     _widened,
     load_weights,
     overlapping_windows,
-    shipped_weights,
-    weights_folder,
 )
+from stages.shipped import SHIPPED, shipped_weights, weights_folder
 
 
 @pytest.mark.parametrize(("frames", "window"), [(1, 8), (8, 8), (9, 8), (50, 8), (200, 24), (31, 30)])

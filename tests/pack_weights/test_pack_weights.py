@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.errors import InputError
+from data_schemas.metrics import MetricRow, write_metrics
 from stages.inference.models import load_weights
 from stages.pack_weights.config import Config
 from stages.pack_weights.run import run
+from stages.shipped import facts_of
 from tests.inference.examples import write_random_weights
 
 
@@ -41,3 +44,34 @@ def test_networks_of_two_runs_are_not_packed_together(trained, tmp_path):
     (other / "ae").rename(trained / "train-ae")
     with pytest.raises(InputError, match="another autoencoder"):
         run(Config(run=trained, output=tmp_path / "packed"))
+
+
+def _measured(path, inputs, method="pumps"):
+    rows = [
+        MetricRow(f"clip{clip}", "s", "a", name, "interpolation", 15, "l2p_m", value + 0.01 * clip)
+        for clip in range(4)
+        for name, value in (("slerp", 1.0), ("damped", 0.9), (method, 0.5))
+    ]
+    with write_artefact(path, "metrics", stage="evaluate", config={}, inputs=inputs) as draft:
+        write_metrics(draft.folder, rows, "# Evaluation\n")
+    return path
+
+
+def test_what_was_measured_goes_with_the_weights(trained, tmp_path):
+    inputs = [open_artefact(trained / name) for name in ("train-ae", "train-lms")]
+    metrics = _measured(tmp_path / "metrics", inputs)
+    run(Config(run=trained, output=tmp_path / "packed", measured=metrics))
+    (row,) = [row for row in facts_of(tmp_path / "packed")["measured"] if row["scope"] == "all archives"]
+    assert row["task"] == "interpolation" and row["high"] < 0.6 < row["ratio"] + 0.15
+    card = (tmp_path / "packed" / "MODEL_CARD.md").read_text()
+    assert "Good at: interpolation 15" in card and "| damped |" in card
+
+
+def test_what_was_measured_of_other_weights_is_refused(trained, tmp_path):
+    inputs = [open_artefact(trained / "train-ae")]
+    with pytest.raises(InputError, match="measured other weights"):
+        run(Config(run=trained, output=tmp_path / "p", measured=_measured(tmp_path / "m", inputs)))
+    inputs.append(open_artefact(trained / "train-lms"))
+    metrics = _measured(tmp_path / "m", inputs, method="else")
+    with pytest.raises(InputError, match="no method 'pumps'"):
+        run(Config(run=trained, output=tmp_path / "p", measured=metrics))
