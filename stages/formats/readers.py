@@ -12,10 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
 
 from data_schemas.errors import InputError
-from stages.formats.recording import Asked, Recording
 from stages.formats.sources import Source, beside
+
+if TYPE_CHECKING:
+    from stages.formats.recording import Asked, Recording
 
 _LOOKED_AT = 8192
 _CSV_PLACE = re.compile(rb"[^,;\t\n]*[._: -]?[xyz]\"?[,;\t][^,;\t\n]*[._: -]?[xyz]", re.IGNORECASE)

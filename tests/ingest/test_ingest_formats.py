@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 import tarfile
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,7 @@ from stages.pick_clips.run import run as pick_clips
 from tests.formats.amass_files import new_layout, npz, old_layout
 from tests.formats.asf_texts import AsfText
 from tests.formats.bvh_texts import BvhText
+from tests.formats.gltf_files import GltfText
 
 MIX = {
     "bvh/walk.bvh": BvhText(frames=12).data(),
@@ -153,10 +156,10 @@ def test_a_list_on_standard_input(folder: Path, tmp_path: Path, monkeypatch: pyt
 def test_one_bad_file_among_many(tmp_path: Path) -> None:
     (tmp_path / "takes").mkdir()
     good = BvhText(frames=2).data()
-    for i in range(300):
+    for i in range(100):
         (tmp_path / "takes" / f"{i:04}.bvh").write_bytes(good if i != 77 else good[: len(good) // 2])
     report = run(Config(sources=(str(tmp_path / "takes"),), output=tmp_path / "out"))
-    assert report.figures["files"] == {"kept": 299, "skipped": 1}
+    assert report.figures["files"] == {"kept": 99, "skipped": 1}
     (bad,) = [row for row in read_sources(open_artefact(tmp_path / "out").folder) if row.outcome == "skipped"]
     assert bad.source.endswith("0077.bvh") and "MOTION" in bad.reason
     assert any("0077.bvh" in line for line in report.lines)
@@ -164,8 +167,37 @@ def test_one_bad_file_among_many(tmp_path: Path) -> None:
 
 def test_clips_of_other_formats_are_picked_as_bvh(folder: Path, tmp_path: Path) -> None:
     run(Config(sources=(str(folder),), output=tmp_path / "out"))
-    pick_clips(PickConfig(motion=tmp_path / "out", output=tmp_path / "picked", splits=("train", "val", "test"), count=9))
+    pick_clips(
+        PickConfig(motion=tmp_path / "out", output=tmp_path / "picked", splits=("train", "val", "test"), count=9)
+    )
     picked = {path.stem: read_bvh(path.read_bytes(), path.name) for path in (tmp_path / "picked").glob("*.bvh")}
     assert len(picked) == 5
     assert (tmp_path / "picked" / "mix.bvh.walk.bvh").read_bytes() == MIX["bvh/walk.bvh"]
     assert picked["mix.cmu.07.07_01"].frames == 9 and rate_of(picked["mix.cmu.07.07_01"].frame_time) == 120
+
+
+def test_hostile_names_stay_inside_the_artefact(tmp_path: Path) -> None:
+    names = [
+        "a/..x../walk.bvh",
+        "...bvh",
+        "con.bvh",
+        "a\nb.bvh",
+        "é\u202e/x y.bvh",
+        "-rf.bvh",
+        "~root.bvh",
+        "c" * 250 + ".bvh",
+    ]
+    with zipfile.ZipFile(tmp_path / "odd.zip", "w") as archive:
+        for i, name in enumerate(names):
+            archive.writestr(name, BvhText(frames=3, seed=i).data())
+        parts = GltfText(frames=3, parts=("../../up", "/etc/x", "a\0b"))
+        archive.writestr("figure.glb", parts.data())
+    before = set(tmp_path.parent.rglob("*"))
+    run(Config(sources=(str(tmp_path / "odd.zip"),), output=tmp_path / "out"))
+    fresh = set(tmp_path.parent.rglob("*")) - before - {tmp_path / "out"}
+    assert fresh and all(tmp_path / "out" in path.parents for path in fresh)
+    with MotionReader(tmp_path / "out") as reader:
+        clips = [row.clip for row in reader.clips]
+        assert len(clips) == len(names) + 3 == len(set(clips))
+        assert all(re.fullmatch(r"[A-Za-z0-9_.-]{1,200}", clip) and clip.strip(".") for clip in clips)
+        assert all(reader.motion(clip).frames == 3 for clip in clips)
