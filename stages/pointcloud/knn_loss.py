@@ -109,15 +109,6 @@ class _Table:
         return (square - 2 * cross) / self.frames
 
 
-def root_mean_square(apart: Tensor, valid: Tensor | None = None) -> Tensor:
-    """(B, P) lengths of trajectories' differences (B, T, P, 3), root mean square over real frames, metres."""
-    square = apart.square().sum(-1)
-    if valid is None:
-        return square.mean(1).clamp_min(_LEAST).sqrt()
-    keep = valid.unsqueeze(-1).to(apart.dtype)
-    return ((square * keep).sum(1) / keep.sum(1).clamp_min(1)).clamp_min(_LEAST).sqrt()
-
-
 def velocities(points: Tensor, valid: Tensor | None = None) -> tuple[Tensor, Tensor | None]:
     """Points (B, T, P, 3) metres to (B, T - 1, P, 3) metres a second, and which of them are real."""
     real = None if valid is None else valid[:, 1:] & valid[:, :-1]

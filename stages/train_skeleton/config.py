@@ -29,14 +29,15 @@ class Config(TrainingConfig):
     knn_weight: float = Field(1.0, description="Weight of the distance of clouds, metres (PC-MRL eq. 5).", ge=0)
     back_weight: float = Field(0.0, description="Weight of the same from the rig's cloud to the source's.", ge=0)
     shape_weight: float = Field(
-        0.1, description="Weight of the distance of clouds with every body group normalised by its place and spread.",
+        0.02, description="Weight of the distance of clouds whose body groups have one place and spread.",
         ge=0,
     )  # fmt: skip
     velocity_weight: float = Field(0.1, description="Weight of the neighbours' difference in velocity, m/s.", ge=0)
-    pair_weight: float = Field(
-        0.5, description="Weight of one-to-one pairs of points of a body group, metres; they unfold limbs.", ge=0
+    end_weight: float = Field(
+        0.2,
+        description="Weight of the distance of head, hands and feet, metres (PC-MRL eq. 6); unfolds the arms.",
+        ge=0,
     )
-    end_weight: float = Field(0.0, description="Weight of the end effectors' distance, metres (PC-MRL eq. 6).", ge=0)
     unit_weight: float = Field(0.01, description="Weight of the unit-quaternion loss.", ge=0)
     roll_weight: float = Field(
         0.01, description="Weight that keeps bones' roll, which clouds leave open, near the rest pose.", ge=0

@@ -17,14 +17,7 @@ from stages.kinematics.rig import Rig
 from stages.networks.device import precision
 from stages.networks.skeleton_losses import end_bones, end_effector_loss, roll_loss, unit_quaternion_loss
 from stages.networks.skeleton_network import OwnPoints, Pose, SkeletonNetwork, draw_own_points
-from stages.pointcloud.assignment import paired_difference
-from stages.pointcloud.knn_loss import (
-    distances_of,
-    nearest_trajectories,
-    normalised_by_group,
-    root_mean_square,
-    velocities,
-)
+from stages.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
 from stages.train_skeleton.config import Config
 from stages.train_skeleton.sources import MixedPool
 from stages.training.task import RowRandom, rows_of
@@ -116,13 +109,17 @@ class SkeletonTask:
         if config.roll_weight:
             terms["roll"] = roll_loss(pose.rotations, body, valid)
         if config.end_weight:
-            there = [end >= 0 for end in self.ends]
-            pairs = batch.has_end.to(self.device) & torch.tensor(there, device=self.device)
-            ends = pose.heads[:, :, [max(end, 0) for end in self.ends]]
-            terms["end"] = end_effector_loss(ends, batch.ends.to(self.device), pairs, valid)
+            terms["end"] = self._end_distance(batch, pose)
         weights = {name: getattr(config, f"{name}_weight") for name in terms}
         loss = torch.stack([weights[name] * value for name, value in terms.items()]).sum()
         return loss, {name: value.detach() for name, value in terms.items()}
+
+    def _end_distance(self, batch: SourceBatch, pose: Pose) -> Tensor:
+        """L_end of head, hands and feet, summed over those that both have, metres."""
+        there = torch.tensor([end >= 0 for end in self.ends])
+        ends = pose.heads[:, :, [max(end, 0) for end in self.ends]]
+        pairs = (batch.has_end & there).to(self.device)
+        return end_effector_loss(ends, batch.ends.to(self.device), pairs, batch.valid.to(self.device))
 
     def _cloud_terms(self, batch: SourceBatch, own: OwnPoints, pose: Pose) -> dict[str, Tensor]:
         """Distances of the source's cloud and the rig's: places, shapes of body groups, velocities."""
@@ -135,10 +132,6 @@ class SkeletonTask:
             terms["back"] = (
                 nearest_trajectories(made, source, own.groups, groups, valid, config.neighbours).means().mean()
             )
-        if config.pair_weight:
-            count = own.groups.shape[1]
-            apart = paired_difference(made, source[:, :, :count], own.groups, valid)
-            terms["pair"] = root_mean_square(apart, valid).mean()
         if config.velocity_weight:
             speed, real = velocities(source, valid)
             terms["velocity"] = distances_of(speed, velocities(made)[0], near, real).means().mean()
@@ -152,7 +145,7 @@ class SkeletonTask:
     def validate(self) -> dict[str, float]:
         """Millimetres, on held-back windows at sigma 0.05: the distance of clouds (`knn_mm`, less is better), the
         same between two draws of the source (`reference_mm`), and, for windows of the rig's own skeleton, the mean
-        distance of its joints (`mpjpe_mm`)."""
+        distance of its joints (`mpjpe_mm`). `end_mm` is the mean distance of head, wrists and ankles."""
         batch = self.held_back
         generator = torch.Generator(device=self.device).manual_seed(0)
         pose = self._pose(batch)
@@ -164,6 +157,7 @@ class SkeletonTask:
             source, other.points.to(self.device), groups, other.groups.to(self.device), valid
         )
         figures = {"knn_mm": 1000 * float(near.mean()), "reference_mm": 1000 * float(floor.mean())}
+        figures["end_mm"] = 1000 * float(self._end_distance(batch, pose)) / max(1, sum(end >= 0 for end in self.ends))
         figures["roll"] = float(roll_loss(pose.rotations, self.rig.body, valid))
         if bool(self.own.any()):
             figures["mpjpe_mm"] = self._joint_error_mm(pose)

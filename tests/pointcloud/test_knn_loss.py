@@ -7,13 +7,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from stages.pointcloud import knn_loss
-from stages.pointcloud.knn_loss import (
-    distances_of,
-    nearest_trajectories,
-    normalised_by_group,
-    root_mean_square,
-    velocities,
-)
+from stages.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
 
 
 def clouds(seed: int = 0, batch: int = 2, frames: int = 5, source: int = 23, target: int = 31, dtype=torch.float64):
@@ -137,15 +131,6 @@ def test_float32_is_precise_far_from_the_origin():
     exact = nearest_trajectories(source, target, one, two).distance
     near = nearest_trajectories((source + far).float(), (target + far).float(), one, two).distance
     assert (near - exact).abs().max() < 1e-5
-
-
-def test_the_root_mean_square_is_over_real_frames():
-    apart = torch.zeros(1, 4, 2, 3)
-    apart[0, :, 1, 2] = torch.tensor([3.0, 4.0, 100.0, 100.0])
-    valid = torch.tensor([[True, True, False, False]])
-    assert root_mean_square(apart, valid)[0, 1].item() == pytest.approx(12.5**0.5)
-    assert root_mean_square(apart[:, :2])[0, 1].item() == pytest.approx(12.5**0.5)
-    assert root_mean_square(apart)[0, 0].item() < 1e-4
 
 
 def test_velocities_are_metres_a_second():

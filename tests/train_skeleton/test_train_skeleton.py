@@ -58,15 +58,13 @@ def test_it_learns_clouds_of_another_skeleton(clouds, tmp_path):
 
 
 def test_every_term_is_logged_and_turned_off_by_its_weight(clouds, tmp_path):
-    run(config_for(clouds, tmp_path / "all", steps=2, end_weight=0.1, back_weight=0.5))
-    run(
-        config_for(clouds, tmp_path / "few", steps=2, shape_weight=0, velocity_weight=0, roll_weight=0, pair_weight=0)
-    )
+    run(config_for(clouds, tmp_path / "all", steps=2, back_weight=0.5))
+    run(config_for(clouds, tmp_path / "few", steps=2, shape_weight=0, velocity_weight=0, roll_weight=0, end_weight=0))
     every, few = (
         set(next(row for row in read_checkpoint(tmp_path / name).log if row["split"] == "train"))
         for name in ("all", "few")
     )
-    assert every - few == {"shape", "velocity", "roll", "end", "back", "pair"} and {"knn", "unit"} <= few
+    assert every - few == {"shape", "velocity", "roll", "end", "back"} and {"knn", "unit"} <= few
 
 
 def test_the_checkpoint_carries_the_rig_and_the_licences(clouds, tmp_path):
