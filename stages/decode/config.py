@@ -13,14 +13,14 @@ from stages.config import DeviceConfig
 class Config(DeviceConfig):
     """Decode latents or clouds: into clouds, onto skeletons whose keyframes are known, or onto a network's rig.
 
-    Latents (`latent` with `ae`) become clouds; clouds come as they are (`tpc`). Neither `motion` nor `network`: the
-    clouds are written. `motion`: its keyframes anchor each clip's own skeleton (method solve). `network`: every clip
-    goes to the rig that the network was trained for (methods network and both).
+    Latents (`latent` with `ae`) become clouds; clouds come as they are (`tpc`). `motion`: its keyframes anchor each
+    clip's own skeleton, which follows the cloud (method solve). `network`: every clip goes to the rig that the
+    network was trained for (methods network and both). Neither: the clouds of latents are written.
     """
 
     latent: Path | None = Field(None, description="A latent artefact to decode.")
     ae: Path | None = Field(None, description="The autoencoder's checkpoint artefact, for latents.")
-    tpc: Path | None = Field(None, description="A tpc artefact to put onto a rig, instead of latents.")
+    tpc: Path | None = Field(None, description="A tpc artefact to put onto skeletons, instead of latents.")
     network: Path | None = Field(None, description="The checkpoint of `pumps train skeleton`.")
     method: Literal["solve", "network", "both"] | None = Field(
         None,

@@ -1,45 +1,23 @@
-"""`pumps decode`: latents back into clouds, and onto the skeletons of motions whose keyframes are known."""
+"""`pumps decode`: latents into clouds; latents or clouds onto skeletons whose keyframes are known, or onto a rig."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from data_schemas.artefact import open_artefact, write_artefact
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import UsageError
 from data_schemas.latent import ClipRow, LatentReader
-from data_schemas.motion import MotionReader, MotionWriter
 from data_schemas.tpc import TpcWriter
 from stages.config import StageReport
+from stages.decode.between_keys import decode_between_keys
 from stages.decode.clouds import chosen_rows, group_counts, latents_of
 from stages.decode.config import Config
 from stages.decode.onto_rig import decode_onto_rig
-from stages.inference.filling import fill_motion
-from stages.inference.keyframes import parse_keyframes
 from stages.inference.models import Autoencoder, load_autoencoder
-from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.plain_interpolation import Glide
-from stages.kinematics.resampling import resample
 from stages.progress import SILENT, Progress
-
-_HELD = Glide(0.0, 0.0)  # beyond the keys the pose stands still
-
-
-@dataclass(frozen=True)
-class _DecodingAlone:
-    """The part of trained models that decoding needs."""
-
-    autoencoder: Autoencoder
-    glide: Glide = _HELD
-
-    def synthesise(
-        self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
-    ) -> tuple[Tensor, Tensor]:
-        """The latents as they are: they come from outside."""
-        return latents, centroids
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -51,14 +29,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     _check(config)
     if config.network is not None:
         return decode_onto_rig(config, progress)
+    if config.motion is not None:
+        return decode_between_keys(config, progress)
     autoencoder = load_autoencoder(str(config.ae), config.device)
     with LatentReader(str(config.latent)) as reader:
         reader.check_encoder(autoencoder.digest)
         rows = chosen_rows(reader.clips, config.splits, config.latent)
         progress.start("decoding", len(rows))
-        if config.motion is None:
-            return _to_clouds(config, reader, rows, autoencoder, progress)
-        return _to_motions(config, reader, rows, autoencoder, progress)
+        return _to_clouds(config, reader, rows, autoencoder, progress)
 
 
 def _check(config: Config) -> None:
@@ -75,9 +53,10 @@ def _check(config: Config) -> None:
         )
     if config.network is None and config.method in ("network", "both"):
         raise UsageError(f"The method {config.method} needs the network of a rig.", "Give --network.")
-    if config.network is None and config.tpc is not None:
+    if config.network is None and config.tpc is not None and config.motion is None:
         raise UsageError(
-            "Clouds are put onto the rig of a network.", "Give --network; `pumps train skeleton` makes one."
+            "Clouds are put onto skeletons whose keyframes are known, or onto the rig of a network.",
+            "Give --motion with --keyframes, or --network; `pumps train skeleton` makes one.",
         )
 
 
@@ -101,69 +80,3 @@ def _to_clouds(
     return StageReport(
         output=config.output, lines=[line], figures={"clips": len(rows), "frames": frames, "points": config.points}
     )
-
-
-def _to_motions(
-    config: Config, reader: LatentReader, rows: list[ClipRow], autoencoder: Autoencoder, progress: Progress
-) -> StageReport:
-    artefact = open_artefact(str(config.motion), "motion")
-    inputs = [reader.artefact, open_artefact(str(config.ae), "checkpoint"), artefact]
-    skipped: dict[str, str] = {}
-    frames = 0
-    with (
-        MotionReader(artefact) as motions,
-        write_artefact(config.output, "motion", stage="decode", config=config, inputs=inputs) as draft,
-        MotionWriter(draft.folder) as writer,
-    ):
-        for row in rows:
-            try:
-                frames += _add_motion(config, reader, row, autoencoder, motions, writer)
-            except InputError as error:
-                skipped[row.clip] = error.message
-            progress.advance(note=row.clip)
-        kept = len(rows) - len(skipped)
-        if kept == 0:
-            name, reason = next(iter(skipped.items()))
-            raise InputError(f"No clip could be decoded onto its skeleton; {name}: {reason}", "Check the keyframes.")
-        draft.summary |= {"clips": kept, "frames": frames, "skipped": skipped}
-    lines = [f"Decoded {frames} frames of {kept} clips onto their skeletons, keys {config.keyframes}."]
-    lines += [f"Skipped {clip}: {reason}" for clip, reason in skipped.items()]
-    return StageReport(
-        output=config.output, lines=lines, figures={"clips": kept, "frames": frames, "skipped": skipped}
-    )
-
-
-def _add_motion(
-    config: Config,
-    reader: LatentReader,
-    row: ClipRow,
-    autoencoder: Autoencoder,
-    motions: MotionReader,
-    writer: MotionWriter,
-) -> int:
-    """Decode one clip between its motion's keyframes and store it; how many frames."""
-    source = motions.row(row.clip)
-    skeleton = motions.skeleton(source.skeleton)
-    motion = resample(motions.motion(row.clip), row.fps)
-    if motion.frames != row.frames or row.fps != MODEL_FPS:
-        raise InputError(
-            f"It has {row.frames} latents at {row.fps:g} fps; its motion has {motion.frames} at {MODEL_FPS:g} fps.",
-            "Give the motion artefact that the latents were made from.",
-        )
-    known = np.zeros(motion.frames, bool)
-    known[parse_keyframes(config.keyframes, motion.frames)] = True
-    latents, centroids, _ = latents_of(reader, row)
-    filled = fill_motion(
-        skeleton,
-        motion,
-        known,
-        _DecodingAlone(autoencoder),
-        cloud="latents",
-        latents=(latents.to(autoencoder.device), centroids.to(autoencoder.device)),
-        points=config.points,
-        seed=config.seed,
-        device=autoencoder.device,
-    )
-    name = writer.add_skeleton(skeleton)
-    writer.add_clip(replace(row, skeleton=name), filled.motion)
-    return motion.frames

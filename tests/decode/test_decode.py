@@ -19,6 +19,8 @@ from stages.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.inference.local_pose import pose_of_motion
 from stages.inference.models import load_autoencoder
 from stages.kinematics.resampling import resample
+from stages.sample_tpc.config import Config as SampleConfig
+from stages.sample_tpc.run import run as sample
 from tests.inference.examples import humanoid, swinging, write_random_weights
 
 
@@ -86,6 +88,21 @@ def test_motions_keep_their_keys(made, tmp_path):
         np.testing.assert_array_equal(motion.rotations[[0, 10, 20]], truth.rotations[[0, 10, 20]])
         assert not np.allclose(motion.rotations[5], truth.rotations[5])
         assert reader.skeleton(reader.row("long").skeleton).names == humanoid(above=True).names
+
+
+def test_clouds_are_followed_between_keys(made, tmp_path):
+    """From the points of a tpc artefact alone, rigid and baked, and the poses at the keys."""
+    for name, bake in (("rigid", False), ("baked", True)):
+        sample(SampleConfig(motion=made / "motion", output=tmp_path / f"{name}-tpc", points=120, bake=bake))
+        options = {"tpc": tmp_path / f"{name}-tpc", "motion": made / "motion", "keyframes": "0,15,30,45,60"}
+        report = run(Config(output=tmp_path / name, device="cpu", **options))
+        assert list(report.figures["skipped"]) == ["short"]
+        with MotionReader(tmp_path / name) as reader, MotionReader(made / "motion") as source:
+            motion, truth = reader.motion("long"), resample(source.motion("long"), 30.0)
+            seen = reader.skeleton(reader.row("long").skeleton).sampled
+        turned = np.abs((motion.rotations[:, seen] * truth.rotations[:, seen]).sum(-1)).clip(0, 1)
+        np.testing.assert_array_equal(motion.rotations[::15], truth.rotations[::15])
+        assert np.degrees(2 * np.arccos(turned)).mean() < 3
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_latents_onto_the_rig(made, tmp_path):
         ({}, UsageError, "Either latents or clouds"),
         ({"tpc": "tpc", "latent": "latent", "ae": "ae"}, UsageError, "Either latents or clouds"),
         ({"latent": "latent"}, UsageError, "autoencoder"),
-        ({"tpc": "tpc"}, UsageError, "rig of a network"),
+        ({"tpc": "tpc"}, UsageError, "onto the rig of a network"),
         ({"tpc": "tpc", "network": "net", "method": "solve"}, UsageError, "no keyframes"),
         ({"tpc": "tpc", "network": "net", "motion": "tpc"}, UsageError, "no keyframes"),
         ({"latent": "latent", "ae": "ae", "method": "both"}, UsageError, "needs the network"),
