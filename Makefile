@@ -9,7 +9,10 @@
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3
 #                  PC-MRL's tables, Bandai Namco to CMU and back; SHARED_DATA, BANDAI, CMU name the archives;
 #                  optional: RUN (pcmrl), PRESET (pcmrl), SET='train-citl.steps=20000', another RUN for other settings
+# make pretrain    weights from the archives, in slices: RECIPE=small|small-free SLICE=9 (minutes; 0 to the end); again
+#                  goes on; docs/pretraining.md. Its parts: pretrain-data, pretrain-measure, pretrain-bundle TO=folder
 # make rig-report  the same tables' rig networks on the rigs' own test motions, beside the truth
+# make retarget-report  motions on other rigs, how near hands and feet come to their places
 # make test        linters, types, import directions, tests
 # make fuzz        20 times as many damaged files for every reader as the tests give them; TIMES=200 for more
 # make bench-train   times training steps at the paper's sizes and writes docs/performance.md; PRESET, DEVICE=cuda,
@@ -24,6 +27,16 @@ PYTHON ?= python3
 VENV   ?= .venv
 PUMPS  ?= $(VENV)/bin/pumps
 RUNS   ?= runs
+# The two recipes of weights that ship; a run is called by its recipe.
+RECIPE ?= small
+PRETRAIN_small      := bandai-namco-1 bandai-namco-2 cmu-dance cmu-asfamc lafan1-g1
+PRETRAIN_small-free := cmu-dance cmu-asfamc
+ifneq (,$(filter pretrain%,$(MAKECMDGOALS)))
+RUN    ?= $(RECIPE)
+PRESET ?= small
+DATA   ?= $(foreach name,$(PRETRAIN_$(RECIPE)),$(SHARED_DATA)/$(name).zip)
+FPS_OVERRIDE ?= *salsa*=60
+endif
 RUN    ?= mine
 PRESET ?= tiny
 DATA   ?=
@@ -186,6 +199,70 @@ $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.jso
 	$(PUMPS) measure latents --motion $(R)/ingest --weights $(LATENT_WEIGHTS) -o $(@D) \
 	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
 
+# ---- weights that ship -----------------------------------------------------------------------------------------
+
+# Two recipes of one preset: `small` learns from all archives, most of them non-commercial; `small-free` from CMU's
+# alone, free for any use. A run may be copied to another machine and goes on there: what is done is told by what lies
+# in it, not by the files' times. Without its motions (ingest) a copy trains all the same, and is measured at home.
+#   SLICE        minutes until it stops with a checkpoint; 0: until all is done
+#   INITIAL      folder of weights to start from, when slices lie on machines that keep nothing
+#   AE           an autoencoder's checkpoint to take instead of training one
+#   TRAIN_FLAGS  for both trainings: '--workers 8 --cache-mb 2000'
+SLICE       ?= 0
+INITIAL     ?=
+AE          ?=
+TRAIN_FLAGS ?=
+TO          ?= $(R)/bundle
+
+.PHONY: pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle
+
+pretrain: $(if $(filter file,$(origin PUMPS)),install)
+	@$(MAKE) --no-print-directory pretrain-run UNTIL=$$(awk "BEGIN { print int($$(date +%s) + 60 * $(SLICE)) }")
+
+pretrain-run:
+	@test -f $(R)/sample-tpc/manifest.json || $(MAKE) --no-print-directory pretrain-data
+	@$(MAKE) --no-print-directory pretrain-train
+	@test ! -d $(R)/ingest || $(MAKE) --no-print-directory pretrain-measure
+
+# The archives become one packed artefact: it is all that the trainings read.
+pretrain-data: configure
+	@$(MAKE) --no-print-directory pretrain-sampled
+	@du -sh $(R)/sample-tpc
+pretrain-sampled: $(R)/sample-tpc/manifest.json
+	@:
+
+# $(1): ae or lms. $(2): further flags.
+define trained
+	@test -f $(R)/train-$(1)/manifest.json || { \
+	  left=$$(( $(UNTIL) - $$(date +%s) )); \
+	  if test $(SLICE) != 0 && test $$left -le 0; then echo 'The time is over; run make again to go on.' >&2; exit 1; fi; \
+	  $(PUMPS) train $(1) --config $(C)/train-$(1).toml --tpc $(R)/sample-tpc $(2) -o $(R)/train-$(1) $(TRAIN_FLAGS) \
+	    $(if $(INITIAL),--initial $(firstword $(wildcard $(INITIAL)/$(1) $(INITIAL)/train-$(1)))) \
+	    $(if $(filter-out 0,$(SLICE)),--max-time $$(awk "BEGIN { print $$left / 60 }")) && \
+	  { test -f $(R)/train-$(1)/manifest.json || { echo '$(R)/train-$(1): stopped before its end; run make again to go on.' >&2; exit 1; }; }; }
+endef
+
+pretrain-train:
+	@test -z '$(AE)' || test -d $(R)/train-ae || cp -R '$(AE)' $(R)/train-ae
+	$(call trained,ae,)
+	$(call trained,lms,--ae $(R)/train-ae)
+	@$(MAKE) --no-print-directory pretrain-pack
+
+pretrain-pack:
+	@$(PUMPS) pack-weights $(R) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
+
+# Test clips of the run's own archives; the card then says what the weights are good and bad at.
+pretrain-measure:
+	@test -f $(R)/evaluate/manifest.json || \
+	  $(PUMPS) evaluate --config $(C)/evaluate.toml --motion $(R)/ingest --weights pumps=$(R)/packed/$(RECIPE) -o $(R)/evaluate
+	@$(PUMPS) results $(R)/evaluate
+	@$(PUMPS) pack-weights $(R)/packed/$(RECIPE) --name $(RECIPE) --measured $(R)/evaluate -o $(R)/measured/$(RECIPE)
+
+# A few files under 16 MiB; `cat FOLDER/small.tar.* | tar x` gives the folder of weights back.
+pretrain-bundle:
+	@mkdir -p '$(TO)' && rm -f '$(TO)'/$(RECIPE).tar.* && tar -C $(R)/packed -cf - $(RECIPE) | split -b 15m - '$(TO)/$(RECIPE).tar.'
+	@ls -l '$(TO)'
+
 # ---- any cloud to any skeleton ---------------------------------------------------------------------------------
 
 # SOLVE_CLIPS: clips of each archive with true clouds, 0 for all. SOLVE_NETWORKS: NAME=FOLDER of networks of rigs.
@@ -315,6 +392,14 @@ any-humanoid: install-dev
 $(VENV)/installed-bench: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev,bench]'
 	@touch $@
+
+# One motion of each rig on every other; the archives of SHARED_DATA where they are, else the embedded clips.
+retarget-report: install-dev
+	$(VENV)/bin/python benchmarks/retargeting.py $(if $(wildcard $(SHARED_DATA)/bandai-namco-1.zip),\
+	  'Bandai Namco=$(SHARED_DATA)/bandai-namco-1.zip!bandai-namco-1/dataset-1_kick_normal_001.bvh' \
+	  'CMU dance=$(SHARED_DATA)/cmu-dance.zip!cmu-dance/indian/08.bvh' \
+	  'LaFAN1 G1=$(SHARED_DATA)/lafan1-g1.zip!lafan1-g1/fight1_subject2.bvh' \
+	  'embedded=stages/clips/run.bvh') --page docs/results.md
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \

@@ -1,0 +1,121 @@
+"""Measure retargeting between rigs: how near hands and feet come to where the source has them, and how feet slide.
+
+    python benchmarks/retargeting.py [NAME=ARCHIVE!MEMBER.bvh or NAME=FILE.bvh ...] [--page docs/results.md]
+
+Every motion goes to every other rig, with its bones turned alike ("turns"), and then drawn to its places ("solve").
+Without arguments two embedded clips stand for two rigs: the second with longer forearms and shorter shins.
+Distances are in the target's size, of the ends of forearms and shins, where both rigs have them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+from measuring.section import replace_section
+from scipy.spatial.transform import Rotation
+
+import stages.clips
+from data_schemas.skeleton import Motion, Skeleton
+from stages.formats.bvh import read_bvh
+from stages.formats.bvh_motion import motion_of
+from stages.formats.sources import source_named
+from stages.inference.retarget_clouds import pull_to_places
+from stages.kinematics.bone_matching import LIMBS, bone_lengths, bones_of, match_limb
+from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
+from stages.kinematics.forward import positions_of
+from stages.kinematics.retargeting import Retargeted, retarget
+
+SECTION = "retargeting"
+MOST_FRAMES = 1200
+_HEAD = "| from | to | size | poses apart | hands, turns | solve | feet, turns | solve | feet slide, source | solve | frames/s |"
+
+Figure = tuple[Skeleton, Motion]
+
+
+def figures_of(named: Sequence[str]) -> dict[str, Figure]:
+    if not named:
+        return _embedded()
+    found = {}
+    for text in named:
+        name, _, place = text.partition("=")
+        source = source_named(place)
+        skeleton, motion, _ = motion_of(read_bvh(source.read(), source.name), trim_first="auto")
+        tracks = motion.tracks[:MOST_FRAMES]
+        short = replace(motion, rotations=motion.rotations[:MOST_FRAMES], tracks=tracks)
+        found[name] = (skeleton, replace(short, root_positions=motion.root_positions[:MOST_FRAMES]))
+    return found
+
+
+def _embedded() -> dict[str, Figure]:
+    folder = Path(stages.clips.__file__).parent
+    walk, dance = (motion_of(read_bvh((folder / f"{n}.bvh").read_bytes(), n))[:2] for n in ("walk", "dance_a"))
+    skeleton = dance[0]
+    offsets, tails = skeleton.offsets.copy(), skeleton.tails.copy()
+    for group in LIMBS:
+        bone, share = bones_of(skeleton, group)[1], 1.25 if group in (1, 2) else 0.85
+        tails[bone] *= share
+        offsets[skeleton.parents == bone] *= share
+    return {"walk": walk, "dance, other limbs": (replace(skeleton, offsets=offsets, tails=tails), dance[1])}
+
+
+def ends_apart_mm(source: Figure, target: Figure, turned: Retargeted) -> tuple[float, float]:
+    """Mean distance of the forearms' ends and of the shins' from where the source has them, in the target's size."""
+    apart = []
+    for group in LIMBS:
+        pieces = match_limb(source[0], target[0], group)
+        second = sorted(pieces, key=lambda piece: -bone_lengths(target[0], piece.target).sum())[:2]
+        piece = max(second, key=lambda piece: piece.target)
+        wanted = turned.in_targets_world(_tail(source, piece.source[-1]))
+        apart.append(1000 * np.linalg.norm(wanted - _tail(target, piece.target[-1]), axis=1).mean())
+    return float(np.mean(apart[:2])), float(np.mean(apart[2:]))
+
+
+def _tail(figure: Figure, bone: int) -> np.ndarray:
+    skeleton, motion = figure
+    tails = Rotation.from_quat(motion.rotations[:, bone]).apply(skeleton.tails[bone])
+    return positions_of(skeleton, motion)[:, bone] + tails
+
+
+def skate_of(figure: Figure) -> float:
+    skeleton, motion = figure
+    feet, positions = find_feet(skeleton), positions_of(skeleton, motion)
+    return foot_skate_mps(positions, detect_contacts(positions, feet, motion.fps), feet, motion.fps)
+
+
+def table(figures: dict[str, Figure]) -> str:
+    lines = [_HEAD, "|---|---|" + "---:|" * (_HEAD.count("|") - 3)]
+    for one, other in permutations(figures, 2):
+        source, (skeleton, poses) = figures[one], figures[other]
+        began = time.perf_counter()
+        turned = retarget(*source, skeleton, poses)
+        solved = (skeleton, pull_to_places(*source, skeleton, turned))
+        seconds = time.perf_counter() - began
+        before = ends_apart_mm(source, (skeleton, turned.motion), turned)
+        after = ends_apart_mm(source, solved, turned)
+        lines.append(
+            f"| {one} | {other} | {turned.size:.2f} | {np.degrees(turned.apart_rad):.0f}° | "
+            f"{before[0]:.0f} mm | {after[0]:.0f} mm | {before[1]:.0f} mm | {after[1]:.0f} mm | "
+            f"{skate_of(source):.3f} m/s | {skate_of(solved):.3f} m/s | {source[1].frames / seconds:.0f} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("figures", nargs="*", metavar="NAME=FILE")
+    parser.add_argument("--page", type=Path, help="a page whose section is to be replaced")
+    options = parser.parse_args()
+    made = table(figures_of(options.figures))
+    if options.page:
+        replace_section(options.page, SECTION, made)
+    print(made)
+
+
+if __name__ == "__main__":
+    main()
