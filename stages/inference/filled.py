@@ -25,8 +25,8 @@ class Filled:
     jump_frames:    (K,) keys that border a gap and have frames on both sides.
     jumps_mps:      (K,) mean change of the body joints' velocity at these keys, metres a second.
     base_jumps_mps: (K,) the same of the plain interpolation.
-    skate_mps:      mean horizontal speed of the feet, metres a second, in the frames in which the filled motion's stand
-                    (`standing_feet`, before they were held); NaN where none stands.
+    skate_mps:      mean horizontal speed of the feet, metres a second, while those of the filled motion stand
+                    (`standing_feet`, before they were held); NaN where none does.
     base_skate_mps: the same of the plain interpolation, in the same frames.
     loose_skate_mps: the same of the filled motion before its feet were held; `skate_mps` where they were not.
     longest_gap_s:  longest time between two neighbouring keys, or between a key and an end of the clip.

@@ -32,6 +32,7 @@ from stages.kinematics.plain_interpolation import damped_smoothness, interpolate
 HUBER_NOISES = 3.5  # a point further off than so many times its noise on each axis is a stray
 LEAST_KEYS_FOR_NOISE = 3
 LEAST_FRAMES_TO_SMOOTH = 8
+JITTER_M = 0.004  # points that fit better than this bring no jitter of their own into the motion
 STILL_M = 0.01  # points that wander less than this on their bones are as good as still
 
 
@@ -111,7 +112,8 @@ def follow_cloud(
         points, binding, *base, skeleton.parents, skeleton.root, solve,
         turn_prior(key_pose.local, solve.turn_prior_rad),
     )  # fmt: skip
-    turns, shifts = _finished(found, base, skeleton, keys, times, options.smooth)
+    jitters = float(found.residual.median()) > JITTER_M
+    turns, shifts = _finished(found, base, skeleton, keys, times, options.smooth and jitters)
     pose = correct_pose(base, turns, shifts, skeleton, motion.track_joints)
     gaps = np.flatnonzero(~known)
     out = (

@@ -104,7 +104,7 @@ def _foot_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np
         held = contacts[:, members]
         count = held.sum(1, keepdims=True)
         own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
-        shifts[:, leg] = _faded(own, held.any(1), known, max(round(FADE_S * fps), 1))
+        shifts[:, leg] = _faded(own, np.asarray(held.any(1)), known, max(round(FADE_S * fps), 1))
     return shifts
 
 

@@ -24,7 +24,7 @@ def rigid_start(targets: Tensor, chain: Chain, base: Base) -> Pose:
     total = weights.sum().clamp(min=1e-12)
     middle, wanted = ((weights * cloud).sum(1, keepdim=True) / total for cloud in (points, targets))
     whole = (weights * (targets - wanted)).transpose(-1, -2) @ (points - middle)
-    turn = roma.special_procrustes(whole)
+    turn = _nearest_rotation(whole)
 
     # Of each bone: sum of w (target - mean) (in_bone - mean)'.
     mass = (chain.riding @ chain.weights).clamp(min=1e-12)
@@ -35,12 +35,17 @@ def rigid_start(targets: Tensor, chain: Chain, base: Base) -> Pose:
     belief = START_BELIEF * chain.weights.amax()
     local = base.local.clone()
     world = torch.empty_like(rotations)
-    world[:, 0] = roma.special_procrustes(spread[:, 0] + belief * (turn @ base.local[:, 0]))
+    world[:, 0] = _nearest_rotation(spread[:, 0] + belief * (turn @ base.local[:, 0]))
     local[:, 0] = world[:, 0]
     for children, parents in chain.levels:
         along = world[:, parents] @ base.local[:, children]
-        world[:, children] = roma.special_procrustes(spread[:, children] + belief * along)
+        world[:, children] = _nearest_rotation(spread[:, children] + belief * along)
         local[:, children] = world[:, parents].transpose(-1, -2) @ world[:, children]
     _, heads = forward(Pose(local, base.root), chain, base)
     placed = heads[:, chain.bones] + (world[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
     return Pose(local, base.root + (weights * (targets - placed)).sum(1) / total)
+
+
+def _nearest_rotation(matrix: Tensor) -> Tensor:
+    """The rotation (..., 3, 3) nearest to a matrix: of all, the one with the largest inner product."""
+    return torch.as_tensor(roma.special_procrustes(matrix))

@@ -59,6 +59,7 @@ class Chain(NamedTuple):
     in_bone: Tensor  # (P, 3)
     weights: Tensor  # (P,) in units of 1 / metres^2, of all points together as many as REFERENCE_POINTS
     prior: Tensor  # (A, 3, 3) precision of each joint's turn in its own axes, 1 / radians^2
+    prior_matrix: Tensor  # (3 + 3A, 3 + 3A) the prior's part of the normal matrix
 
 
 class Base(NamedTuple):
@@ -80,7 +81,6 @@ class System(NamedTuple):
     matrix: Tensor  # (T, 3 + 3A, 3 + 3A)
     pull: Tensor  # (T, 3 + 3A)
     cost: Tensor  # (T,)
-    fit: Tensor  # (T,) the points' part of the cost
     residual: Tensor  # (T,)
 
 
@@ -134,6 +134,7 @@ def build_chain(
         in_bone=binding.in_bone,
         weights=binding.weights * tied * scale,
         prior=prior,
+        prior_matrix=_prior_matrix(prior, options),
     )
 
 
@@ -173,7 +174,21 @@ def _cross_matrix(v: Tensor) -> Tensor:
     return torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
 
 
+def misfit(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: SolveOptions) -> Tensor:
+    """(T,) the points' part of the cost of a pose, without slack."""
+    rotations, heads = forward(pose, chain, base)
+    arms = (rotations[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
+    return _robust((targets - heads[:, chain.bones] - arms).norm(dim=-1), chain, options)
+
+
+def _robust(distance: Tensor, chain: Chain, options: SolveOptions) -> Tensor:
+    """(T,) Huber's cost of the points' distances (T, P) from where they should be."""
+    inside = distance.clamp(max=options.huber_m)
+    return (chain.weights * inside * (distance - inside / 2)).sum(-1)
+
+
 def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: SolveOptions) -> System:
+    """The equations of all frames about a pose; `targets` (T, P, 3), metres."""
     rotations, heads = forward(pose, chain, base)
     arms = (rotations[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
     # Around the pelvis, so that float32 loses nothing where the motion is far from the origin.
@@ -209,21 +224,18 @@ def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: So
     held = (chain.prior @ turned.unsqueeze(-1)).squeeze(-1)
     back = torch.cat([shifted * options.shift_prior_m**-2, held.flatten(1)], dim=-1)
     from_base = torch.cat([shifted, turned.flatten(1)], dim=-1)
-    matrix = matrix + _prior_matrix(chain, options)
+    matrix = matrix + chain.prior_matrix
     pull = pull - back
 
-    inside = distance.clamp(max=options.huber_m)
-    fit = (chain.weights * inside * (distance - inside / 2)).sum(-1) - given
-    cost = fit + (back * from_base).sum(-1) / 2
+    cost = _robust(distance, chain, options) - given + (back * from_base).sum(-1) / 2
     total = weights.sum(-1).clamp(min=1e-12)
     residual = ((weights * distance**2).sum(-1) / total).sqrt()
-    return System(matrix, pull, cost, fit, residual)
+    return System(matrix, pull, cost, residual)
 
 
-def _prior_matrix(chain: Chain, options: SolveOptions) -> Tensor:
-    """(3 + 3A, 3 + 3A) the prior's part of the normal matrix."""
-    shift = torch.eye(3, device=chain.prior.device) * options.shift_prior_m**-2
-    return torch.block_diag(shift, *chain.prior.unbind(0))
+def _prior_matrix(prior: Tensor, options: SolveOptions) -> Tensor:
+    shift = torch.eye(3, device=prior.device) * options.shift_prior_m**-2
+    return torch.block_diag(shift, *prior.unbind(0))
 
 
 def _without_common_shift(moments: Tensor, looseness: float) -> tuple[Tensor, Tensor]:

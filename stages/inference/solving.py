@@ -29,13 +29,15 @@ from stages.inference.solve_equations import (
     base_of,
     build_chain,
     linearise,
+    misfit,
     move,
 )
 
 __all__ = ["Corrections", "SolveOptions", "solve_pose"]
 
 CHUNK_FRAMES = 512  # frames solved together; bounds the memory of a long clip
-SETTLED = 1e-4  # radians and metres; a step below this in every frame ends the iteration
+SETTLED = 1e-4  # radians and metres; a frame whose step is below this is done
+FEWER = 0.8  # where less than this share of the frames still moves, the others are left out
 
 
 class Corrections(NamedTuple):
@@ -102,12 +104,14 @@ def solve_pose(
 def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptions) -> tuple[Pose, Tensor]:
     """Levenberg's damping, one factor for each frame: a step that raises a frame's cost is taken back."""
     pose = Pose(base.local, base.root)
-    system = linearise(targets, pose, chain, base, options)
     if options.rigid_start:
         rigid = rigid_start(targets, chain, base)
-        outcome = linearise(targets, rigid, chain, base, options)
-        pose, system = _better(outcome.fit < system.fit, rigid, pose, outcome, system)
+        nearer = misfit(targets, rigid, chain, base, options) < misfit(targets, pose, chain, base, options)
+        pose = Pose(*(_choose(nearer, new, old) for new, old in zip(rigid, pose, strict=True)))
+    system = linearise(targets, pose, chain, base, options)
     damping = torch.full_like(system.cost, 1e-3)
+    done, residual = pose, system.residual  # of all frames; `pose` and `system` are of those that still move
+    moving = torch.arange(len(targets), device=targets.device)
     for _ in range(options.iterations):
         diagonal = torch.diagonal(system.matrix, dim1=-2, dim2=-1)
         damped = system.matrix + torch.diag_embed(damping[:, None] * diagonal)
@@ -116,21 +120,27 @@ def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptio
         trial = move(pose, step, chain)
         outcome = linearise(targets, trial, chain, base, options)
         better = outcome.cost <= system.cost  # False for NaN, which keeps the last good pose
-        pose, system = _better(better, trial, pose, outcome, system)
+        pose = Pose(*(_choose(better, new, old) for new, old in zip(trial, pose, strict=True)))
+        system = System(*(_choose(better, new, old) for new, old in zip(outcome, system, strict=True)))
         damping = torch.where(better, damping * 0.2, damping * 10.0)
-        # Asking a GPU whether it may stop makes it wait: there the last steps are cheaper than the question.
-        if not step.is_cuda and bool((step.abs().amax(-1) < SETTLED).all()):
+        done = Pose(*(_placed(all_, moving, part) for all_, part in zip(done, pose, strict=True)))
+        residual = _placed(residual, moving, system.residual)
+        if step.is_cuda:
+            continue  # to ask a GPU which frames have settled makes it wait: the last steps are cheaper
+        left = torch.nonzero(step.abs().amax(-1) >= SETTLED).squeeze(-1)
+        if len(left) == 0:
             break
-    return pose, system.residual
+        if len(left) < FEWER * len(moving):
+            moving, targets, damping = moving[left], targets[left], damping[left]
+            pose, base = Pose(*(part[left] for part in pose)), Base(*(part[left] for part in base))
+            system = System(*(part[left] for part in system))
+    return done, residual
 
 
-def _better(mask: Tensor, pose: Pose, old_pose: Pose, system: System, old_system: System) -> tuple[Pose, System]:
-    """The first pose and its equations in the frames of `mask` (T,), the old ones in the others."""
-    return (
-        Pose(*(choose(mask, new, old) for new, old in zip(pose, old_pose, strict=True))),
-        System(*(choose(mask, new, old) for new, old in zip(system, old_system, strict=True))),
-    )
+def _placed(whole: Tensor, rows: Tensor, part: Tensor) -> Tensor:
+    """`whole` with some rows from `part`; `part` itself where that is all of them."""
+    return part if len(part) == len(whole) else whole.index_copy(0, rows, part)
 
 
-def choose(mask: Tensor, yes: Tensor, no: Tensor) -> Tensor:
+def _choose(mask: Tensor, yes: Tensor, no: Tensor) -> Tensor:
     return torch.where(mask.view(-1, *[1] * (yes.dim() - 1)), yes, no)

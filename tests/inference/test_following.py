@@ -1,4 +1,4 @@
-"""Any cloud onto any skeleton: true, noisy, of another size, lacking a group, with one key; and what must not matter."""
+"""Any cloud onto any skeleton: true, noisy, larger, lacking a group, with one key; and what must not matter."""
 
 from __future__ import annotations
 
