@@ -12,7 +12,7 @@ from stages.config import StageConfig
 class Config(StageConfig):
     """Make a run's networks small enough to hand on."""
 
-    run: Path = Field(description="The run's folder, with train-ae and train-lms.")
+    run: Path = Field(description="The run's folder, with train-ae and train-lms, or packed weights.")
     output: Path = Field(description="Folder for the weights: its parts are ae and lms, and its card MODEL_CARD.md.")
     half: bool = Field(True, description="Keep the weights in half precision.")
     name: str = Field("", description="What the weights are called; the output folder's name by default.")

@@ -16,7 +16,7 @@ from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.pack_weights.config import Config
 from stages.progress import SILENT, Progress
-from stages.shipped import CARD_NAME, MEASURED_NAME, VERDICT_WORDS, verdicts
+from stages.shipped import CARD_NAME, MEASURED_NAME, VERDICT_WORDS, parts_of, verdicts, weights_folder
 from stages.statistics.tables import baseline_of, cells, overview
 
 _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
@@ -31,7 +31,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         weights were measured.
     """
     progress.start("packing", 2)
-    ae, lms = (open_artefact(config.run / name, "checkpoint") for name in ("train-ae", "train-lms"))
+    ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.run)))
     autoencoder, synthesiser = read_checkpoint(ae, optimiser=False), read_checkpoint(lms, optimiser=False)
     if synthesiser.config.get("encoder_digest") != ae.manifest.digest:
         raise InputError(

@@ -18,9 +18,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from data_schemas.artefact import partial_folder, write_artefact
+from data_schemas.artefact import open_artefact, partial_folder, write_artefact
 from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
+from data_schemas.manifest import MANIFEST_NAME
 from stages.progress import Progress
 from stages.training.config import TrainingConfig
 
@@ -51,7 +52,11 @@ class Unfinished:
         self.folder = partial_folder(config.output)
         self._checkpoints = self.folder / "checkpoints"
         settings = config.model_dump(mode="json")
-        self._settings = {name: value for name, value in settings.items() if name not in _FREE}
+        self._by_path = {name: value for name, value in settings.items() if name not in _FREE}
+        # What is learnt from is told by its content: the same elsewhere goes on, another in its place does not.
+        self._settings = self._by_path | {
+            name: found for name in self._by_path if (found := _digest(getattr(config, name))) is not None
+        }
         defaults = type(config).model_construct().model_dump(mode="json", warnings=False)
         self._defaults = {name: value for name, value in defaults.items() if name in self._settings}
 
@@ -90,7 +95,9 @@ class Unfinished:
                 progress.message(f"{error.message} Trying the checkpoint before it.")
                 continue
             # A setting that an older pumps did not have is what it is by default.
-            if {**self._defaults, **kept.config.get("training", {})} == self._settings and kept.optimiser is not None:
+            before = {**self._defaults, **kept.config.get("training", {})}
+            # Checkpoints of an older pumps have paths.
+            if before in (self._settings, self._by_path) and kept.optimiser is not None:
                 return kept
             progress.message(f"{self.folder.name} was made with other settings; starting afresh.")
             self.forget()
@@ -104,6 +111,13 @@ class Unfinished:
     def _newest_first(self) -> list[Path]:
         # A folder without a manifest is a checkpoint that a kill left half written.
         return sorted((path.parent for path in self._checkpoints.glob("step_*/manifest.json")), reverse=True)
+
+
+def _digest(value: Any) -> str | None:
+    """The digest of the artefact that a setting names; None for other settings."""
+    if not isinstance(value, Path) or not (value / MANIFEST_NAME).is_file():
+        return None
+    return open_artefact(value).manifest.digest
 
 
 def arrays_of(tensors: Mapping[str, Tensor]) -> dict[str, np.ndarray]:

@@ -1,6 +1,7 @@
 """The training loop: a resumed run is the unbroken one, a kill costs nothing, bad losses stop it."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -72,6 +73,25 @@ def test_another_config_does_not_resume_the_old_run(clouds, tmp_path):
     run(config_for(clouds, tmp_path / "fresh", seed=5))
     old, fresh = weights_of(tmp_path / "ae"), weights_of(tmp_path / "fresh")
     assert all((old[name] == fresh[name]).all() for name in old)
+
+
+def test_a_run_goes_on_where_its_data_were_moved_but_not_with_other_data(clouds, tmp_path):
+    said = []
+
+    class Told(KillAt):
+        def message(self, text):
+            said.append(text)
+
+    with pytest.raises(Killed):
+        run(config_for(clouds, tmp_path / "ae"), progress=KillAt(4))
+    shutil.copytree(clouds, tmp_path / "moved")
+    with pytest.raises(Killed):
+        run(config_for(tmp_path / "moved", tmp_path / "ae"), progress=Told(1))
+    assert any("going on from step" in text for text in said)
+    others = write_clouds(tmp_path / "others", clips=4)
+    with pytest.raises(Killed):
+        run(config_for(others, tmp_path / "ae"), progress=Told(1))
+    assert "starting afresh" in said[-1] or any("starting afresh" in text for text in said)
 
 
 def test_time_that_is_over_leaves_a_run_to_go_on_with(clouds, tmp_path):

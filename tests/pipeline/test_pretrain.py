@@ -1,0 +1,99 @@
+"""`make pretrain` from recordings to packed weights, in slices, killed once in between, on a copy without recordings."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from data_schemas.artefact import verify
+from data_schemas.tpc import TpcReader
+from stages.shipped import facts_of
+from tests.docs.pages import ROOT
+from tests.pipeline.test_end_to_end import CLIPS, PUMPS, SETTINGS
+
+STEPS = {
+    "train-ae.steps": 30, "train-lms.steps": 12, "train-ae.validate_every": 15, "train-lms.validate_every": 6,
+    "evaluate.transitions": [], "evaluate.predictions": [], "train-ae.encoder.blocks": 2, "sample-tpc.mixed_rigs": 1.0,
+}  # fmt: skip
+SMALL = {
+    **SETTINGS, **STEPS, "train-lms.synthesiser.key_layers": 1, "train-lms.synthesiser.fill_layers": 1,
+    "train-lms.synthesiser.frame_layers": 1, "train-ae.decoder.codes": 8, "train-ae.decoder.point_width": 8,
+}  # fmt: skip
+
+
+def _make(place: Path, goal: str, **options: object) -> subprocess.Popen[str]:
+    settings = " ".join(f"{name}={json.dumps(value, separators=(',', ':'))}" for name, value in SMALL.items())
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
+    words = [f"{name}={value}" for name, value in options.items()]
+    command = [
+        "make", goal, f"PUMPS={' '.join(PUMPS)}", f"RUNS={place / 'runs'}", f"DATA={place / 'data'}",
+        "FPS_OVERRIDE=", f"SET={settings}", "RECIPE=small", *words,
+    ]  # fmt: skip
+    environment = {**kept, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        command, cwd=ROOT, env=environment, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+def _said(process: subprocess.Popen[str]) -> str:
+    return process.communicate(timeout=400)[0]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("pretrain")
+    (place / "data").mkdir()
+    for name in ("walk.bvh", "run.bvh", "kick.bvh"):
+        shutil.copy(CLIPS / name, place / "data" / name)
+    splits = {"data": {"val": ["run.bvh"], "test": ["kick.bvh"]}}
+    (place / "data" / "splits.json").write_text(json.dumps(splits))
+    return place
+
+
+def test_slices_and_a_kill_end_in_packed_weights(place: Path) -> None:
+    run = place / "runs" / "small"
+    killed = _make(place, "pretrain")
+    partial = run / "train-ae.partial" / "checkpoints"
+    deadline = time.monotonic() + 200
+    while killed.poll() is None and not (partial.is_dir() and any(partial.glob("*/manifest.json"))):
+        assert time.monotonic() < deadline, "the training never wrote a checkpoint"
+        time.sleep(0.02)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    with TpcReader(run / "sample-tpc") as reader:
+        assert reader.artefact.manifest.config["pack"] is True
+    before = (run / "sample-tpc" / "manifest.json").stat().st_mtime_ns
+
+    first = _make(place, "pretrain", SLICE="0.002")
+    said = _said(first)
+    assert first.returncode != 0 and "run make again to go on" in said, said
+    # On another machine: what was packed of the data, the settings, and the training so far.
+    away = place / "away"
+    shutil.copytree(run, away / "runs" / "small", ignore=shutil.ignore_patterns("ingest"))
+    there = _make(away, "pretrain", SLICE="9")
+    said = _said(there)
+    assert there.returncode == 0, said
+    assert "going on from step" in said
+    packed = away / "runs" / "small" / "packed" / "small"
+    assert not verify(packed / "ae") and not verify(packed / "lms")
+    facts = facts_of(packed)
+    assert facts["steps"] == {"autoencoder": 30, "synthesiser": 12} and facts["measured"] == []
+
+    bundled = _make(away, "pretrain-bundle", TO=place / "bundle")
+    assert bundled.wait(100) == 0 and (place / "bundle" / "small.tar.aa").stat().st_size < 15 * 2**20
+    # Home again: what came back is measured on the test clips.
+    shutil.copytree(away / "runs" / "small" / "packed", run / "packed")
+    home = _make(place, "pretrain-measure")
+    said = _said(home)
+    assert home.returncode == 0, said
+    measured = run / "measured" / "small"
+    assert facts_of(measured)["measured"] and "slerp" in (measured / "MODEL_CARD.md").read_text()
+    assert (run / "sample-tpc" / "manifest.json").stat().st_mtime_ns == before
