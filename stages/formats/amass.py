@@ -102,11 +102,13 @@ def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
             raise InputError(
                 f"{name} has neither poses nor root_orient and pose_body.", "Is this an AMASS recording?"
             )
-        parts = [part.reshape(len(part), -1) if part.ndim else part.reshape(1, 1) for part in parts]
+        if not all(part.ndim > 1 and part.size for part in parts):
+            raise InputError(f"{name}: a part of the pose has no frames or no numbers.")
+        parts = [part.reshape(len(part), -1) for part in parts]
         if len({len(part) for part in parts}) > 1:
             raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
         vectors = np.concatenate(parts, axis=1)
-    if vectors.ndim == 3:
+    if vectors.ndim == 3 and vectors.size:
         vectors = vectors.reshape(len(vectors), -1)
     if vectors.ndim != 2 or len(vectors) == 0:
         raise InputError(f"{name}: its poses have the shape {vectors.shape}, expected frames by numbers.")

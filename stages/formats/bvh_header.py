@@ -138,11 +138,8 @@ class _Parser:
             self.stack[-1].end_site = top.offset
 
     def _open_joint(self, word: str, words: list[str], line: int) -> list[str]:
-        names = words[1:]
-        rest: list[str] = []
-        if "{" in names:
-            cut = names.index("{")
-            names, rest = names[:cut], names[cut:]
+        cut = next((i for i, other in enumerate(words) if other in ("{", "}")), len(words))
+        names, rest = words[1:cut], words[cut:]
         name = " ".join(names)  # names with blanks exist ("Bip01 L Thigh")
         if not name:
             raise HeaderFault(line, f"{word} has no name")

@@ -154,6 +154,8 @@ def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
         (old_layout(poses=np.full((8, 156), "a")), "no numbers"),
         (old_layout(trans=np.zeros((7, 3))), "shape (7, 3)"),
         (new_layout(pose_body=np.zeros((7, 63))), "differ in their number"),
+        (new_layout(pose_body=np.zeros((0, 63))), "no frames"),
+        (old_layout(poses=np.zeros((0, 52, 3))), "expected frames by numbers"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -116,6 +116,7 @@ def _edited(old: str, new: str, count: int = 1) -> bytes:
         (_edited("OFFSET 0.000000 20.000000", "OFFSET 0.000000 inf"), "finite"),
         (_edited("OFFSET 0.000000 20.000000 0.000000\n", "\n"), "'Spine' has no OFFSET"),
         (_edited("JOINT Spine", "JOINT"), "no name"),
+        (_edited("JOINT Spine", "JOINT Spine }"), "'}' stands outside the braces"),
         (_edited("JOINT Spine", "KNEE Spine"), "'KNEE'"),
         (_edited("}\nMOTION", "MOTION"), "never closed"),
         (_edited("}\nMOTION", "}\n}\nMOTION"), "closes nothing"),
