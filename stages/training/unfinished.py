@@ -27,8 +27,8 @@ from stages.training.config import TrainingConfig
 
 # May differ when a run goes on: what is learnt is the same, but for rounding.
 _FREE = {
-    "output", "device", "max_time", "minutes", "tensorboard", "checkpoint_every", "keep_checkpoints", "keep_optimiser",
-    "workers", "cache_mb", "accumulate", "activation_checkpointing",
+    "output", "device", "max_time", "minutes", "tensorboard", "checkpoint_every", "keep_checkpoints",
+    "keep_optimiser", "workers", "cache_mb", "accumulate", "activation_checkpointing",
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""`make pretrain` from recordings to packed weights, in slices, killed once in between, on a copy without recordings."""
+"""`make pretrain` from recordings to packed weights: in slices, killed in between, on a copy without recordings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from tests.pipeline.test_end_to_end import CLIPS, PUMPS, SETTINGS
 
 STEPS = {
     "train-ae.steps": 30, "train-lms.steps": 12, "train-ae.validate_every": 15, "train-lms.validate_every": 6,
-    "evaluate.transitions": [], "evaluate.predictions": [], "train-ae.encoder.blocks": 2, "sample-tpc.mixed_rigs": 1.0,
+    "evaluate.transitions": [], "evaluate.predictions": [], "train-ae.encoder.blocks": 2,
+    "sample-tpc.mixed_rigs": 1.0,
 }  # fmt: skip
 SMALL = {
     **SETTINGS, **STEPS, "train-lms.synthesiser.key_layers": 1, "train-lms.synthesiser.fill_layers": 1,
