@@ -79,7 +79,10 @@ class _Figure:
 
     def pelvis(self) -> Rotation:
         """F rotations from body to world axes: X to the left hip, Y up the trunk, Z forward."""
-        hips = [self.positions[:, bones_of(self.skeleton, leg)[0]] for leg in LEGS]
+        legs = [bones_of(self.skeleton, leg) for leg in LEGS]
+        hips = [self.positions[:, leg[0]] for leg in legs]
+        if np.median(np.linalg.norm(hips[0] - hips[1], axis=1)) < NARROW_M:  # hip bones that begin at the pelvis
+            hips = [self.positions[:, leg[1 if len(leg) > 1 else 0]] for leg in legs]
         return _frames(hips[0] - hips[1], self.positions[:, carrier_of(self.skeleton)] - (hips[0] + hips[1]) / 2)
 
     def chest(self) -> Rotation:

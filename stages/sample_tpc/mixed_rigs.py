@@ -67,7 +67,7 @@ def on_another_rig(
     part = _part(motion, slice(start, start + _LONGEST))
     try:
         made = retarget(reader.skeleton(row.skeleton), part, reader.skeleton(name), rigs.poses[name])
-    except InputError:  # a rig without a limb that the other has: this pair teaches nothing
+    except (InputError, ValueError):  # a rig that lacks a limb, a figure folded to a point: this pair teaches nothing
         return
     if made.apart_rad <= APART_RAD and np.isfinite(made.motion.root_positions).all():
         yield replace(row, clip=f"{row.clip}@{name}", skeleton=name), made.motion

@@ -228,3 +228,36 @@ def test_a_rigs_network_moves_that_rig_and_no_other(tmp_path: Path):
         run(Config(input=KICK, to=other, output=tmp_path / "o", method="network", network=tmp_path / "network"))
     with pytest.raises(ValueError, match="--network"):
         Config(input=KICK, to=rig, output=tmp_path / "o", method="network")
+
+
+def _with_hip_bones(skeleton: Skeleton, motion: Motion) -> tuple[Skeleton, Motion]:
+    """The same figure as Acclaim has it: each leg begins at the pelvis with a bone to the hip, which never turns."""
+    for group in (3, 4):
+        thigh = bones_of(skeleton, group)[0]
+        hip = replace(
+            skeleton,
+            names=(*skeleton.names[:thigh], f"hip{group}", *skeleton.names[thigh:]),
+            parents=np.insert(np.where(skeleton.parents >= thigh, skeleton.parents + 1, skeleton.parents), thigh,
+                              skeleton.parents[thigh]).astype(np.int32),
+            offsets=np.insert(skeleton.offsets, thigh, 0.0, axis=0),
+            tails=np.insert(skeleton.tails, thigh, skeleton.offsets[thigh], axis=0),
+            groups=np.insert(skeleton.groups, thigh, group).astype(np.int8),
+            sampled=np.insert(skeleton.sampled, thigh, True),
+            root=skeleton.root + int(skeleton.root >= thigh),
+            header="",
+        )  # fmt: skip
+        hip.parents[thigh + 1] = thigh
+        turns = motion.rotations[:, skeleton.parents[thigh]]
+        skeleton, motion = hip, replace(motion, rotations=np.insert(motion.rotations, thigh, turns, axis=1))
+    return skeleton, motion
+
+
+def test_legs_that_begin_at_the_pelvis_tell_how_it_is_turned(kick):
+    skeleton, motion = kick
+    acclaim, same = _with_hip_bones(skeleton, motion)
+    apart = positions_of(acclaim, same)[:, bones_of(acclaim, 3)[0]] - positions_of(acclaim, same)[:, acclaim.root]
+    assert np.abs(apart).max() < 1e-5
+    assert np.isfinite(retarget(skeleton, motion, acclaim, same).motion.rotations).all()
+    made = retarget(acclaim, same, skeleton, motion)
+    away = np.linalg.norm(positions_of(skeleton, made.motion) - positions_of(skeleton, motion), axis=-1)
+    assert away.mean() < 0.03
