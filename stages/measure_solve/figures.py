@@ -16,12 +16,11 @@ LABELS = {
     "mpjae_deg": "MPJAE (degrees)",
     "jerk_ratio": "jerk / truth's",
     "skate_mps": "foot skate (m/s)",
-    "frames_per_s": "frames/s",
 }
 
 
 def figures_of(skeleton: Skeleton, truth: Motion, made: Motion) -> dict[str, float]:
-    """All figures of one clip but its speed; those that the clip cannot tell are left out."""
+    """All figures of one clip; those that the clip cannot tell are left out."""
     joints = np.flatnonzero(skeleton.sampled)
     places, true_places = positions_of(skeleton, made), positions_of(skeleton, truth)
     p, p_true = places[:, joints], true_places[:, joints]

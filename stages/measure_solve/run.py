@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 import zlib
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from stages.kinematics.resampling import resample, resampled_frames
 from stages.measure_solve.conditions import TRUE, Case, Condition, conditions_of, shortened
 from stages.measure_solve.config import Config
 from stages.measure_solve.figures import figures_of, skate_mps
-from stages.measure_solve.methods import SLERP, Method, methods_of
+from stages.measure_solve.methods import Method, methods_of
 from stages.measure_solve.rigs import Rigged
 from stages.measure_solve.summary import summary_md, terminal_lines
 from stages.progress import SILENT, Progress
@@ -41,13 +43,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     artefact = open_artefact(config.motion, "motion")
     methods, conditions = methods_of(config), conditions_of(config)
     rows: list[MetricRow] = []
+    pace = _Pace()
     with MotionReader(artefact) as reader:
         clips = chosen_clips(reader, config)
         some = {archive: spread(of, config.condition_clips) for archive, of in clips.items()}
         plan = [(c, row) for c in conditions for of in (clips if c.name == TRUE else some).values() for row in of]
         progress.start("Following clouds", len(plan))
         for condition, row in plan:
-            rows += _measured(reader, row, condition, methods, config)
+            rows += _measured(reader, row, condition, methods, config, pace)
             progress.advance(1, f"{condition.name}, {row.clip}")
     inputs = [artefact, *(open_artefact(method.source, "checkpoint") for method in methods if method.source)]
     figures = {
@@ -56,10 +59,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         "methods": [method.name for method in methods],
     }
     with write_artefact(config.output, "metrics", stage="measure-solve", config=config, inputs=inputs) as draft:
-        draft.summary.update(figures)
+        draft.summary.update(figures, frames_per_s=pace.frames_per_s())
         write_metrics(draft.folder, rows, summary_md(config, rows))
-    lines = [*terminal_lines(rows), f"All tables: {config.output}, summary.md."]
-    return StageReport(output=config.output, lines=lines, figures=figures)
+    paces = ", ".join(f"{name} {rate:.0f}" for name, rate in pace.frames_per_s().items())
+    lines = [*terminal_lines(rows), f"Frames a second here, with true clouds: {paces or 'not measured'}."]
+    lines.append(f"All tables: {config.output}, summary.md.")
+    return StageReport(output=config.output, lines=lines, figures={**figures, "frames_per_s": pace.frames_per_s()})
 
 
 def chosen_clips(reader: MotionReader, config: Config) -> dict[str, list[ClipRow]]:
@@ -83,16 +88,27 @@ def spread(rows: Sequence[ClipRow], count: int) -> list[ClipRow]:
     return [rows[(2 * i + 1) * len(rows) // (2 * count)] for i in range(count)]
 
 
+@dataclass
+class _Pace:
+    """Frames made and seconds spent, by method, with true clouds. Not part of the artefact: it changes by the run."""
+
+    frames: Counter[str] = field(default_factory=Counter)
+    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def frames_per_s(self) -> dict[str, float]:
+        return {name: round(self.frames[name] / spent, 1) for name, spent in self.seconds.items() if spent > 0}
+
+
 def _measured(
-    reader: MotionReader, row: ClipRow, condition: Condition, methods: Sequence[Method], config: Config
+    reader: MotionReader, row: ClipRow, condition: Condition, methods: Sequence[Method], config: Config, pace: _Pace
 ) -> Iterator[MetricRow]:
     motion = resample(reader.motion(row.clip), MODEL_FPS)
     if condition.name != TRUE:
         motion = shortened(motion, config.condition_seconds)
-    # A clip's own draws, the same in whatever company it is measured; conditions of one clip share what they can.
+    # A clip's own draws, the same in whatever company it is measured.
     seed = [config.seed, zlib.crc32(row.clip.encode("utf-8", "surrogateescape"))]
     case = condition.make(Rigged(reader.skeleton(row.skeleton), motion), np.random.default_rng(seed))
-    for method, figures in _figures(case, methods):
+    for method, figures in _figures(case, methods, pace if condition.name == TRUE else _Pace()):
         for metric, value in figures.items():
             yield MetricRow(
                 clip=row.clip,
@@ -107,7 +123,7 @@ def _measured(
             )
 
 
-def _figures(case: Case, methods: Sequence[Method]) -> Iterator[tuple[str, dict[str, float]]]:
+def _figures(case: Case, methods: Sequence[Method], pace: _Pace) -> Iterator[tuple[str, dict[str, float]]]:
     true_places = positions_of(case.skeleton, case.motion)
     skate = skate_mps(case.skeleton, true_places, true_places, case.motion.fps)
     if np.isfinite(skate):
@@ -115,9 +131,7 @@ def _figures(case: Case, methods: Sequence[Method]) -> Iterator[tuple[str, dict[
     for method in methods:
         started = time.perf_counter()
         made = method.make(case)
-        seconds = time.perf_counter() - started
         if made is not None:
-            figures = figures_of(case.skeleton, case.motion, made)
-            if method.name != SLERP:
-                figures["frames_per_s"] = case.motion.frames / seconds
-            yield method.name, figures
+            pace.seconds[method.name] += time.perf_counter() - started
+            pace.frames[method.name] += case.motion.frames
+            yield method.name, figures_of(case.skeleton, case.motion, made)

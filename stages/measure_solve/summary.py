@@ -21,7 +21,7 @@ LEGEND = (
     "while the true feet stand (docs/evaluation.md). The solve sees positions, body groups and the keys' poses; "
     "slerp the keys' poses alone."
 )
-FAULTS = ("mpjpe_mm", "mpjae_deg", "l2q", "jerk_ratio", "frames_per_s")
+FAULTS = ("mpjpe_mm", "mpjae_deg", "l2q", "jerk_ratio")
 
 
 def summary_md(config: Config, rows: Sequence[MetricRow]) -> str:
@@ -96,7 +96,8 @@ def terminal_lines(rows: Sequence[MetricRow]) -> list[str]:
 def _sample_text(config: Config) -> str:
     return (
         f"{config.condition_seconds:g} seconds from the middle of at most {config.condition_clips} clips of each "
-        "archive. Clouds of other sizes are scored in the skeleton's own.\n"
+        "archive. Clouds of other sizes are scored in the skeleton's own; of a body of "
+        "other proportions, whose path is of another length too, angles tell more than places.\n"
     )
 
 

@@ -50,7 +50,8 @@ def test_true_cloud_gives_the_motion_back(above: bool, step: int):
     motion = swinging(skeleton, 121)
     known = keys_every(121, step)
     filled = fill_motion(skeleton, motion, known, None, cloud="true")
-    plain = fill_motion(skeleton, motion, known, None, cloud="true", options=FillOptions(trust=0.0, base_smooth=0.0))
+    slerp = FillOptions(trust=0.0, base_smooth=0.0, ease_s=0.0)
+    plain = fill_motion(skeleton, motion, known, None, cloud="true", options=slerp)
     # The finger is seen by no point and stays with the plain interpolation: it bounds what can be won here.
     seen = skeleton.sampled | (skeleton.groups < 0)
     only = replace(skeleton, groups=np.where(seen, skeleton.groups, -1).astype(np.int8))

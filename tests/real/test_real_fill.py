@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,12 @@ from stages.infill.config import Config
 from stages.infill.run import run
 from stages.kinematics.forward import positions_of
 from stages.kinematics.resampling import resample
+from stages.measure_solve.conditions import TRUE, conditions_of
+from stages.measure_solve.config import Config as MeasureConfig
+from stages.measure_solve.figures import figures_of
+from stages.measure_solve.methods import slerp as slerp_of
+from stages.measure_solve.methods import solve
+from stages.measure_solve.rigs import Rigged
 from tests.inference.examples import write_random_weights
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -56,7 +63,7 @@ def l2p_m(skeleton: Skeleton, motion: Motion, truth: Motion) -> float:
 def test_solve_on_true_clouds_beats_slerp_by_far(archive: str, step: int):
     known = np.zeros(121, bool)
     known[::step] = True
-    slerp = FillOptions(trust=0.0, base_smooth=0.0)
+    slerp = FillOptions(trust=0.0, base_smooth=0.0, ease_s=0.0)
     made, plain = [], []
     for seed, (skeleton, motion) in enumerate(windows_of(archive)):
         made.append(
@@ -66,6 +73,44 @@ def test_solve_on_true_clouds_beats_slerp_by_far(archive: str, step: int):
         plain.append(l2p_m(skeleton, base.motion, motion))
     assert np.mean(made) < 0.1 * np.mean(plain)
     assert max(a / b for a, b in zip(made, plain, strict=True)) < 0.25
+
+
+@pytest.mark.parametrize("archive", ["bandai-namco-1.zip", "cmu-dance.zip", "lafan1-g1.zip"])
+def test_a_cloud_is_followed_to_under_a_millimetre_by_keys_and_to_a_centimetre_by_one(archive: str):
+    by_keys, by_one, plain = [], [], []
+    for skeleton, motion in windows_of(archive)[:3]:
+        truth = Rigged(skeleton, motion)
+        config = MeasureConfig(motion=DATA, output=DATA)
+        for condition in conditions_of(config):
+            if condition.name in (TRUE, "one key") and condition.interval != 30:
+                case = condition.make(truth, np.random.default_rng(0))
+                figures = figures_of(skeleton, motion, solve(case))
+                (by_one if condition.name == "one key" else by_keys).append(figures)
+                if condition.name == TRUE:
+                    plain.append(figures_of(skeleton, motion, slerp_of(case)))
+    assert max(figures["mpjpe_mm"] for figures in by_keys) < 2 and np.mean([f["mpjpe_mm"] for f in by_keys]) < 1
+    assert np.mean([f["l2q"] for f in by_keys]) < 0.15 * np.mean([f["l2q"] for f in plain])
+    assert all(0.9 < figures["jerk_ratio"] < 1.1 for figures in by_keys)
+    assert np.mean([figures["mpjpe_mm"] for figures in by_one]) < 10
+
+
+@pytest.mark.parametrize("archive", ["bandai-namco-1.zip", "cmu-dance.zip", "lafan1-g1.zip"])
+def test_held_feet_slide_less_and_nothing_pops(archive: str):
+    slides, held, known = [], [], np.zeros(121, bool)
+    known[::15] = True
+    for skeleton, motion in windows_of(archive):
+        options = FillOptions(trust=0.0)
+        loose = fill_motion(skeleton, motion, known, None, cloud="true", options=options)
+        locked = fill_motion(skeleton, motion, known, None, cloud="true", options=replace(options, foot_lock=True))
+        slides.append(locked.loose_skate_mps)
+        held.append(locked.skate_mps)
+        for field in ("rotations", "root_positions", "tracks"):
+            ours, theirs = getattr(locked.motion, field), getattr(motion, field)
+            assert len(theirs.ravel()) == 0 or (ours[known] == theirs[known]).all()
+        third = [np.abs(np.diff(positions_of(skeleton, m), n=3, axis=0)).max() for m in (locked.motion, motion)]
+        assert third[0] < 1.5 * third[1]
+        assert l2p_m(skeleton, locked.motion, motion) < 1.05 * l2p_m(skeleton, loose.motion, motion)
+    assert np.nanmean(held) < 0.5 * np.nanmean(slides)
 
 
 @pytest.mark.parametrize(
