@@ -5,6 +5,7 @@
 # make table2      PUMPS Table 2: the autoencoder and six changed in one thing each, trained and measured alike
 #                  optional: DATA, SPLITS, RUN, PRESET, SET as above
 # make solve-report   how well skeletons follow true, noisy, larger and smaller clouds; SOLVE_CLIPS=40
+# make solve-pages    truth, slerp, solve and networks side by side in 3D, on every archive's rig: runs/solve/solve.html
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3
 #                  PC-MRL's tables, Bandai Namco to CMU and back; SHARED_DATA, BANDAI, CMU name the archives;
@@ -54,7 +55,7 @@ SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weig
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
+.PHONY: pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -214,7 +215,6 @@ AE          ?=
 TRAIN_FLAGS ?=
 TO          ?= $(R)/bundle
 
-.PHONY: pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle
 
 pretrain: $(if $(filter file,$(origin PUMPS)),install)
 	@$(MAKE) --no-print-directory pretrain-run UNTIL=$$(awk "BEGIN { print int($$(date +%s) + 60 * $(SLICE)) }")
@@ -276,6 +276,26 @@ solve-report: install
 solve-measured: configure
 	@$(MAKE) --no-print-directory $(R)/measure-solve/manifest.json
 	@$(PUMPS) results $(R)/measure-solve
+
+# A page that plays truth, slerp, the solve and SOLVE_NETWORKS side by side on the rigs of all archives.
+solve-pages: install
+	@$(MAKE) --no-print-directory solve-played RUN='$(call unless_given,RUN,solve)' DATA='$(LATENT_HAVE)' \
+	  FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
+
+solve-played: configure
+	@$(MAKE) --no-print-directory $(R)/solve-few/manifest.json
+	@$(MAKE) --no-print-directory solve-page
+
+SOLVE_MADE = $(patsubst $(R)/solve-made/%/manifest.json,%,$(wildcard $(R)/solve-made/*/*/manifest.json))
+solve-page:
+	$(PUMPS) report --title 'Any cloud to any skeleton' --no-slerp --keyframes every:30 \
+	  $(foreach each,$(filter %/truth,$(SOLVE_MADE)) $(filter-out %/truth,$(SOLVE_MADE)),--motions '$(each)=$(R)/solve-made/$(each)') \
+	  -o $(R)/solve.html
+
+$(R)/solve-few/manifest.json: $(R)/ingest/manifest.json
+	$(PUMPS) measure solve --motion $(R)/ingest --conditions true --intervals 30 --clips 2 --made $(R)/solve-made \
+	  $(foreach each,$(SOLVE_NETWORKS),--networks '$(each)') -o $(@D) \
+	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
 
 $(R)/measure-solve/manifest.json: $(R)/ingest/manifest.json
 	$(PUMPS) measure solve --motion $(R)/ingest --clips $(SOLVE_CLIPS) -o $(@D) \
