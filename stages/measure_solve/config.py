@@ -32,6 +32,11 @@ class Config(DeviceConfig):
         (), description="NAME=FOLDER of `pumps train skeleton`; a row wherever its rig is the clips' own."
     )
 
+    made: Path | None = Field(
+        None, description="Also keep some motions of the first condition there, ARCHIVE/METHOD, to be played."
+    )
+    made_clips: int = Field(2, description="Clips of each archive to keep.", ge=1)
+
     @field_validator("conditions")
     @classmethod
     def _conditions_exist(cls, value: tuple[str, ...]) -> tuple[str, ...]:

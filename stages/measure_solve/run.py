@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import zlib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -22,15 +21,15 @@ from stages.kinematics.forward import positions_of
 from stages.kinematics.resampling import resample, resampled_frames
 from stages.measure_solve.conditions import TRUE, Case, Condition, conditions_of, shortened
 from stages.measure_solve.config import Config
+from stages.measure_solve.draws import rng_of
 from stages.measure_solve.figures import figures_of, skate_mps
+from stages.measure_solve.kept import TRUTH, keep_motions
 from stages.measure_solve.methods import Method, methods_of
 from stages.measure_solve.rigs import Rigged
 from stages.measure_solve.summary import summary_md, terminal_lines
 from stages.progress import SILENT, Progress
 from stages.statistics.archives import archive_of
 from stages.statistics.windows import LEAST_FRAMES
-
-TRUTH = "truth"
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -42,6 +41,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     artefact = open_artefact(config.motion, "motion")
     methods, conditions = methods_of(config), conditions_of(config)
+    inputs = [artefact, *(open_artefact(method.source, "checkpoint") for method in methods if method.source)]
     rows: list[MetricRow] = []
     pace = _Pace()
     with MotionReader(artefact) as reader:
@@ -52,7 +52,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         for condition, row in plan:
             rows += _measured(reader, row, condition, methods, config, pace)
             progress.advance(1, f"{condition.name}, {row.clip}")
-    inputs = [artefact, *(open_artefact(method.source, "checkpoint") for method in methods if method.source)]
+        if config.made is not None:
+            few = {archive: spread(of, config.made_clips) for archive, of in clips.items()}
+            keep_motions(reader, few, conditions[0], methods, config, config.made, inputs)
     figures = {
         "clips": {archive: len(of) for archive, of in clips.items()},
         "conditions": list(dict.fromkeys(condition.name for condition in conditions)),
@@ -105,9 +107,7 @@ def _measured(
     motion = resample(reader.motion(row.clip), MODEL_FPS)
     if condition.name != TRUE:
         motion = shortened(motion, config.condition_seconds)
-    # A clip's own draws, the same in whatever company it is measured.
-    seed = [config.seed, zlib.crc32(row.clip.encode("utf-8", "surrogateescape"))]
-    case = condition.make(Rigged(reader.skeleton(row.skeleton), motion), np.random.default_rng(seed))
+    case = condition.make(Rigged(reader.skeleton(row.skeleton), motion), rng_of(config.seed, row))
     for method, figures in _figures(case, methods, pace if condition.name == TRUE else _Pace()):
         for metric, value in figures.items():
             yield MetricRow(

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.metrics import read_metrics
-from data_schemas.motion import ClipRow, MotionWriter
+from data_schemas.motion import ClipRow, MotionReader, MotionWriter
 from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
 from stages.measure_solve.conditions import TRUE, conditions_of, known_every
@@ -94,3 +94,19 @@ def test_what_cannot_be_is_refused(motions: Path, tmp_path: Path):
     with pytest.raises(UsageError, match="NAME=FOLDER"):
         run(Config(motion=motions, output=tmp_path / "x", networks=("slerp=somewhere",)))
     assert CONDITIONS[0] == "true"
+
+
+def test_kept_motions_can_be_played(motions: Path, tmp_path: Path):
+    config = Config(motion=motions, output=tmp_path / "m", intervals=(30,), conditions=("true",), points=64,
+                    condition_seconds=1.6, made=tmp_path / "made")  # fmt: skip
+    run(config)
+    names = sorted(path.name for path in (tmp_path / "made" / "clips").iterdir())
+    assert names == ["slerp", "solve", "truth"]
+    kept = {name: MotionReader(tmp_path / "made" / "clips" / name) for name in names}
+    assert {reader.clips[0].clip for reader in kept.values()} == {"walk"}
+    frames = {name: reader.motion("walk").rotations for name, reader in kept.items()}
+    assert frames["truth"].shape == (48, *frames["solve"].shape[1:])
+    assert np.abs(frames["solve"] - frames["truth"]).mean() < 0.2 * np.abs(frames["slerp"] - frames["truth"]).mean()
+    for reader in kept.values():
+        assert reader.artefact.manifest.licences == ["a licence"]
+        reader.close()

@@ -1,0 +1,14 @@
+"""A clip's own random draws, the same in whatever company it is measured."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from data_schemas.clips import ClipRow
+
+
+def rng_of(seed: int, row: ClipRow) -> np.random.Generator:
+    """The generator of a clip's cloud and of what is done to it."""
+    return np.random.default_rng([seed, zlib.crc32(row.clip.encode("utf-8", "surrogateescape"))])
