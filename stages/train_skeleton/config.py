@@ -42,5 +42,12 @@ class Config(TrainingConfig):
     roll_weight: float = Field(
         0.01, description="Weight that keeps bones' roll, which clouds leave open, near the rest pose.", ge=0
     )
+    proportions: float = Field(
+        1.25,
+        description="With augment, the sources' bones grow or shrink by factors of up to this; 1 is off. One build of "
+        "source teaches one build.",
+        ge=1.0,
+        le=2.0,
+    )
     size_min: float = Field(0.9, description="Least size that source clouds are scaled to, with augmentation.", gt=0)
     size_max: float = Field(1.1, description="Largest size that source clouds are scaled to.", gt=0)

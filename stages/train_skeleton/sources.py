@@ -22,10 +22,12 @@ class MixedPool:
     def __init__(self, pools: Sequence[WindowPool]):
         self.pools = list(pools)
 
-    def draw(self, batch: int, window: int, rng: np.random.Generator, *, augment: bool) -> Windows:
+    def draw(
+        self, batch: int, window: int, rng: np.random.Generator, *, augment: bool, proportions: float = 1.0
+    ) -> Windows:
         """As `WindowPool.draw`; each window's artefact, too, is drawn from its own generator."""
         if len(self.pools) == 1:
-            return self.pools[0].draw(batch, window, rng, augment=augment)
+            return self.pools[0].draw(batch, window, rng, augment=augment, proportions=proportions)
         rows = rows_of(rng, batch)
         chosen = np.array([int(row.integers(len(self.pools))) for row in rows])
         drawn, order = [], []
@@ -34,7 +36,7 @@ class MixedPool:
             if len(mine):
                 own = RowRandom(np.random.PCG64(0))  # only its rows are drawn from
                 own.rows = [rows[row] for row in mine]
-                drawn.append(pool.draw(len(mine), window, own, augment=augment))
+                drawn.append(pool.draw(len(mine), window, own, augment=augment, proportions=proportions))
                 order.append(mine)
         return joined(drawn, np.argsort(np.concatenate(order)))
 

@@ -66,7 +66,7 @@ class SkeletonTask:
     def draw(self, rng: RowRandom) -> SourceBatch:
         config = self.config
         batch = len(rng.rows)
-        windows = self.pool.draw(batch, config.window, rng, augment=config.augment)
+        windows = self.pool.draw(batch, config.window, rng, augment=config.augment, proportions=config.proportions)
         sigma = (config.sigma_min_m, config.sigma_max_m)
         cloud = draw_clouds(windows, self._drawn(), sigma, rng, augment=config.augment)
         if config.augment:
