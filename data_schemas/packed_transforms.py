@@ -1,6 +1,7 @@
-"""Bones' transforms in a tenth of the space: joints' turns in 16 bits, and places only where they are not constant.
+"""Bones' transforms in an eighth of the space: joints' turns in 16 bits, and places only where they are not constant.
 
-A bone's rotation is kept in its parent's frame, as a rotation vector in steps of pi / 32767; where it hangs on its
+A bone's rotation is kept in its parent's frame, as a rotation vector in steps of pi / 8191. The parent's frame is the
+one that comes back, not the one that went in, so that errors do not add up along a chain. Where a bone hangs on its
 parent is kept once for a clip, unless it moves there by more than `PLACE_STEP_M`. Differences from frame to frame are
 stored, chunk by chunk (the first frame of a chunk as it is), since they are small numbers that compress well; they
 wrap around, and adding them up wraps back.
@@ -21,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.hdf5_arrays import CHUNK_FRAMES
 
-TURN_STEP_RAD = np.pi / 32767
+TURN_STEP_RAD = np.pi / 8191
 PLACE_STEP_M = 1e-4
 _TURNS, _PLACES, _OFFSETS, _MOVING = "turns", "places", "offsets", "moving"
 
@@ -38,13 +39,11 @@ def write_packed(group: h5py.Group, heads: np.ndarray, rotations: np.ndarray, pa
         heads: (T, B, 3) metres. rotations: (T, B, 4) global, xyzw.
         parents: (B,), -1 for the root, which is first; parents before children.
     """
-    local, hung = _in_parents(np.asarray(heads, np.float64), np.asarray(rotations, np.float64), parents)
-    turns = _rotation_vectors(local)
+    steps, hung = _in_parents(np.asarray(heads, np.float64), np.asarray(rotations, np.float64), parents)
     middle = np.median(hung, axis=0)
     moves = np.abs(hung - middle).max((0, 2)) > PLACE_STEP_M
     moves[0] = True
     moving = np.flatnonzero(moves).astype(np.int32)
-    steps = np.rint(turns / TURN_STEP_RAD).astype(np.int32).astype(np.int16)  # pi and -pi are one turn
     places = np.rint(hung[:, moving] / PLACE_STEP_M)
     if np.abs(places).max(initial=0) > np.iinfo(np.int32).max:
         raise ValueError("a place is too far away to be packed")
@@ -78,18 +77,21 @@ def read_packed(group: h5py.Group, window: slice, parents: np.ndarray, frames: i
 
 
 def _in_parents(heads: np.ndarray, rotations: np.ndarray, parents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (T, B, 4) and places (T, B, 3) in the parents' frames; the root's as they are."""
-    local, hung = rotations.copy(), heads.copy()
-    for bone in range(1, len(parents)):
-        above = Rotation.from_quat(rotations[:, parents[bone]]).inv()
-        local[:, bone] = (above * Rotation.from_quat(rotations[:, bone])).as_quat()
-        hung[:, bone] = above.apply(heads[:, bone] - heads[:, parents[bone]])
-    return local, hung
-
-
-def _rotation_vectors(quaternions: np.ndarray) -> np.ndarray:
-    flat = Rotation.from_quat(quaternions.reshape(-1, 4)).as_rotvec()
-    return flat.reshape(*quaternions.shape[:-1], 3)
+    """Rotation vectors (T, B, 3) int16 in steps, and places (T, B, 3) metres, in the parents' frames; the root's in
+    the world."""
+    steps, hung = np.zeros(heads.shape, np.int16), heads.copy()
+    kept: list[Rotation] = []
+    for bone, parent in enumerate(parents):
+        own = Rotation.from_quat(rotations[:, bone])
+        above = kept[parent] if bone else None
+        if above is not None:
+            own = above.inv() * own
+            # In the frame that went in: what is constant there stays constant.
+            hung[:, bone] = Rotation.from_quat(rotations[:, parent]).inv().apply(heads[:, bone] - heads[:, parent])
+        steps[:, bone] = np.rint(own.as_rotvec() / TURN_STEP_RAD)
+        back = Rotation.from_rotvec(steps[:, bone] * TURN_STEP_RAD)
+        kept.append(back if above is None else above * back)
+    return steps, hung
 
 
 def _continuous(rotations: np.ndarray) -> np.ndarray:

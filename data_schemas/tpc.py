@@ -1,8 +1,8 @@
 """The `tpc` artefact: temporal point clouds, in three layouts behind one reader.
 
 A *rigid* cloud is stored factored: the points drawn on a skeleton's bones once, and the bones' global transforms for
-every frame; a point is `head + rotate(rotation, alpha * tail + sigma * offset)`. A *packed* one is a rigid one in a
-tenth of the space (`data_schemas.packed_transforms`). A *dense* cloud is stored as it is.
+every frame; a point is `head + rotate(rotation, alpha * tail + sigma * offset)`. A *packed* one is a rigid one in an
+eighth of the space (`data_schemas.packed_transforms`). A *dense* cloud is stored as it is.
 
 `clouds.h5`:
     /bones/<id>    parents, tails, groups, weights; point_bones, point_alphas, point_offsets
@@ -73,7 +73,7 @@ class TpcWriter(ClipWriter):
     FILE = "clouds.h5"
 
     def __init__(self, folder: str | os.PathLike[str], *, packed: bool = False):
-        """Args: packed: store rigid clips in a tenth of the space, exact to fractions of a millimetre."""
+        """Args: packed: store rigid clips in an eighth of the space, exact to fractions of a millimetre."""
         # Thousands of short clips: the newer form of HDF5 spends hundreds of bytes on each where the older takes kB.
         super().__init__(folder, libver="latest" if packed else None)
         self._packed = packed

@@ -212,6 +212,12 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        "calibrate", ("calibrate",), "stages.calibrate",
+        "Learn how far weights may be trusted, on clips they were not trained on, and keep that beside them.",
+        ("checkpoint", "motion"), "", "pumps calibrate runs/mine --motion runs/mine/ingest",
+        arguments=("weights",), pipeline=False,
+    ),
+    Stage(
         "pack-weights", ("pack-weights",), "stages.pack_weights",
         "Make the networks of a run small enough to hand on, with one model card.",
         ("checkpoint",), "checkpoint", "pumps pack-weights runs/mine -o weights/mine",

@@ -20,6 +20,7 @@ SHIPPED = Path(__file__).resolve().parent / "weights"
 PREFERRED = ("small-free", "small", "tiny")
 PARTS = (("ae", "lms"), ("train-ae", "train-lms"))  # of packed weights; of a run
 MEASURED_NAME = "measured.json"
+CONFIDENCE_NAME = "confidence.json"  # `stages.inference.confidence`
 CARD_NAME = "MODEL_CARD.md"
 VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "worse": "Bad at"}
 

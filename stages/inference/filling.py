@@ -30,6 +30,7 @@ from stages.inference.clouds import (
     draw_on_skeleton,
     find_clouds,
 )
+from stages.inference.confidence import Confidence, trust_of
 from stages.inference.easing import ease_at_keys
 from stages.inference.filled import Filled, keys_at_gaps, nothing_to_fill, skates, velocity_jumps
 from stages.inference.foot_lock import lock_feet
@@ -38,7 +39,7 @@ from stages.inference.smoothing import bends_of_positions, bends_of_rotations, s
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
 from stages.inference.token_times import choose_tokens
 from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.plain_interpolation import damped_smoothness, interpolate_values
+from stages.kinematics.plain_interpolation import Glide, Smoothness, damped_smoothness, interpolate_values
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,15 @@ class FillOptions:
 TRUE_CLOUD = FillOptions(
     solve=SolveOptions(point_noise_m=0.02), smooth_span=0.0, turn_floor_rad=0.0, shift_floor_m=0.0, ease_s=0.0
 )
+
+
+class Solved(NamedTuple):
+    """A clip's tokens, the clouds of them, and the corrections that these ask for, neither shrunk nor smoothed."""
+
+    scene: Scene
+    clouds: Clouds
+    corrections: Corrections
+    key_pose: LocalPose
 
 
 class _Applied(NamedTuple):
@@ -122,21 +132,17 @@ def fill_motion(
     keys, gaps = np.flatnonzero(known), np.flatnonzero(~known)
     if len(gaps) == 0:
         return nothing_to_fill(motion)
-    key_pose = pose_of_motion(skeleton, rows_of_motion(motion, keys), device)
+    solved = solve_clip(
+        skeleton, motion, known, models, cloud=cloud, points=points, seed=seed, device=device, options=options,
+        latents=latents,
+    )  # fmt: skip
+    scene, clouds, key_pose = solved.scene, solved.clouds, solved.key_pose
+    tokens = scene.tokens
+    confidence = getattr(models, "confidence", None) if cloud == "synthesised" else None
     key_times, gap_times = (torch.as_tensor(f * (MODEL_FPS / motion.fps), device=device) for f in (keys, gaps))
-    smooth = damped_smoothness(key_times, MODEL_FPS) if options.base_smooth is None else options.base_smooth
-    tokens = choose_tokens(keys, motion.frames, motion.fps)
-    glide = None if models is None else models.glide.in_frames(MODEL_FPS)
-    base = key_pose.at(key_times, torch.as_tensor(tokens.times, device=device), smooth, glide)
-    scene = Scene(skeleton, motion, tokens, base)
+    smooth, glide = _base_settings(key_times, models, options)
     with torch.no_grad():
-        rng = np.random.default_rng(seed)
-        drawn = draw_on_skeleton(skeleton, points, rng, options.sigma_m, device)
-        count, size = (0, 0) if models is None else (max(options.draws, 1), models.autoencoder.points)
-        encoded = [draw_on_skeleton(skeleton, size, rng, options.sigma_m, device) for _ in range(count)]
-        clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)
-        solved = _solve_tokens(scene, clouds, options.solve)
-        applied = _smoothed(scene, solved, options)
+        applied = _smoothed(scene, solved.corrections, options, confidence)
         frame_base = key_pose.at(key_times, gap_times, smooth, glide)
         pose = _corrected(scene, applied, frame_base, gap_times)
     loose = _eased(skeleton, replace_rows(skeleton, motion, pose, gaps), known, options.ease_s)
@@ -158,6 +164,45 @@ def fill_motion(
         float(np.diff(np.concatenate([[0], keys, [motion.frames - 1]])).max() / motion.fps),
         float(clouds.binding.wander.nanmedian()),
     )
+
+
+def solve_clip(
+    skeleton: Skeleton,
+    motion: Motion,
+    known: np.ndarray,
+    models: CloudModels | None,
+    *,
+    cloud: CloudSource = "synthesised",
+    points: int = 256,
+    seed: int = 0,
+    device: torch.device | str = "cpu",
+    options: FillOptions | None = None,
+    latents: tuple[Tensor, Tensor] | None = None,
+) -> Solved:
+    """What `fill_motion` knows before it decides how much to believe of it; arguments as there, a frame missing."""
+    options = options or FillOptions()
+    keys = np.flatnonzero(known)
+    key_pose = pose_of_motion(skeleton, rows_of_motion(motion, keys), device)
+    key_times = torch.as_tensor(keys * (MODEL_FPS / motion.fps), device=device)
+    tokens = choose_tokens(keys, motion.frames, motion.fps)
+    smooth, glide = _base_settings(key_times, models, options)
+    base = key_pose.at(key_times, torch.as_tensor(tokens.times, device=device), smooth, glide)
+    scene = Scene(skeleton, motion, tokens, base)
+    with torch.no_grad():
+        rng = np.random.default_rng(seed)
+        drawn = draw_on_skeleton(skeleton, points, rng, options.sigma_m, device)
+        count, size = (0, 0) if models is None else (max(options.draws, 1), models.autoencoder.points)
+        encoded = [draw_on_skeleton(skeleton, size, rng, options.sigma_m, device) for _ in range(count)]
+        clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)
+        return Solved(scene, clouds, _solve_tokens(scene, clouds, options.solve), key_pose)
+
+
+def _base_settings(
+    key_times: Tensor, models: CloudModels | None, options: FillOptions
+) -> tuple[Smoothness, Glide | None]:
+    """How the plain interpolation runs between the keys and beyond them."""
+    smooth = damped_smoothness(key_times, MODEL_FPS) if options.base_smooth is None else options.base_smooth
+    return smooth, None if models is None else models.glide.in_frames(MODEL_FPS)
 
 
 def _eased(skeleton: Skeleton, filled: Motion, known: np.ndarray, span_s: float) -> Motion:
@@ -221,8 +266,11 @@ def _solve_tokens(scene: Scene, clouds: Clouds, options: SolveOptions) -> Correc
     return Corrections(turns, shifts, parts[0].seen, residual)
 
 
-def _believed(scene: Scene, solved: Corrections, options: FillOptions) -> _Applied:
-    """Corrections shrunk by how far they stand out, gap by gap; none in gaps whose points could not be followed."""
+def _believed(
+    scene: Scene, solved: Corrections, options: FillOptions, confidence: Confidence | None = None
+) -> _Applied:
+    """Corrections as far as they are trusted, or shrunk by how far they stand out, gap by gap; none in gaps whose
+    points could not be followed."""
     turns, shifts = torch.zeros_like(solved.turns), torch.zeros_like(solved.shifts)
     fallen = np.repeat(~solved.seen.cpu().numpy()[None], len(turns), axis=0)
     broken = ~torch.isfinite(solved.turns.flatten(1).sum(-1) + solved.shifts.sum(-1) + solved.residual)
@@ -231,11 +279,21 @@ def _believed(scene: Scene, solved: Corrections, options: FillOptions) -> _Appli
         if float(residual[gap].mean()) > options.give_up_m:
             fallen[gap] = True
             continue
-        shares = _shares(solved.turns[gap], options.turn_floor_rad)
+        if confidence is None:
+            shares, shift_shares = believed_shares(solved, gap, options)
+        else:
+            shares, shift_shares = trust_of(confidence, scene.tokens, gap, scene.skeleton, solved)
+            shift_shares = shift_shares.unsqueeze(-1)
         turns[gap] = solved.turns[gap] * shares.unsqueeze(-1)
-        shifts[gap] = solved.shifts[gap] * _shares(solved.shifts[gap], options.shift_floor_m)
+        shifts[gap] = solved.shifts[gap] * shift_shares
         fallen[gap] |= (shares == 0).cpu().numpy()
     return _Applied(turns, shifts, fallen)
+
+
+def believed_shares(solved: Corrections, gap: np.ndarray, options: FillOptions) -> tuple[Tensor, Tensor]:
+    """What the fixed floors leave of a gap's corrections: of turns (J,), of the shift ()."""
+    turns, shifts = solved.turns[gap], solved.shifts[gap]
+    return _shares(turns, options.turn_floor_rad), _shares(shifts, options.shift_floor_m)
 
 
 def _shares(corrections: Tensor, floor: float) -> Tensor:
@@ -244,10 +302,10 @@ def _shares(corrections: Tensor, floor: float) -> Tensor:
     return (1 - floor**2 / power.clamp(min=1e-20)).clamp(min=0)
 
 
-def _smoothed(scene: Scene, solved: Corrections, options: FillOptions) -> _Applied:
+def _smoothed(scene: Scene, solved: Corrections, options: FillOptions, confidence: Confidence | None) -> _Applied:
     """Corrections as they are applied: shrunk, smooth in time, zero at keys and where they fell back."""
     base, tokens = scene.base, scene.tokens
-    believed = _believed(scene, solved, options)
+    believed = _believed(scene, solved, options, confidence)
     values = torch.cat([believed.turns[:, solved.seen].flatten(1), believed.shifts], -1).double().cpu().numpy()
     still = tokens.is_key | believed.fallen.all(axis=1)
     values = np.where(still[:, None], 0.0, values)

@@ -13,6 +13,7 @@ from torch import Tensor
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
+from stages.inference.confidence import Confidence, read_confidence
 from stages.kinematics.plain_interpolation import Glide
 from stages.networks.cloud_decoder import CloudDecoder, grid_cells
 from stages.networks.device import choose_device
@@ -98,6 +99,7 @@ class Models:
     licences: tuple[str, ...]
     trained_on: str
     name: str
+    confidence: Confidence | None = None
 
     @property
     def glide(self) -> Glide:
@@ -256,6 +258,7 @@ def load_weights(name_or_path: str | Path, device: str = "auto") -> Models:
         tuple(artefact.manifest.licences),
         str(kept.config.get("trained_on", "")),
         str(name_or_path),
+        read_confidence(folder),
     )
 
 

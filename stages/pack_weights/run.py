@@ -16,7 +16,15 @@ from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.pack_weights.config import Config
 from stages.progress import SILENT, Progress
-from stages.shipped import CARD_NAME, MEASURED_NAME, VERDICT_WORDS, parts_of, verdicts, weights_folder
+from stages.shipped import (
+    CARD_NAME,
+    CONFIDENCE_NAME,
+    MEASURED_NAME,
+    VERDICT_WORDS,
+    parts_of,
+    verdicts,
+    weights_folder,
+)
 from stages.statistics.tables import baseline_of, cells, overview
 
 _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
@@ -44,6 +52,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     _pack(config, "lms", synthesiser, lms)
     progress.advance()
     name = config.name or config.output.name
+    confidence = weights_folder(config.run) / CONFIDENCE_NAME
+    if confidence.is_file():
+        write_whole(config.output / CONFIDENCE_NAME, confidence.read_bytes())
     licences = sorted({*ae.manifest.licences, *lms.manifest.licences})
     measured, table = _measured(config, ae, lms) if config.measured else ([], "")
     card = _card(name, autoencoder, synthesiser, licences, measured, table)

@@ -24,7 +24,7 @@ class Config(ShardedConfig):
         False, description="Store every point's position (dense) instead of bones' transforms (rigid)."
     )
     pack: bool = Field(
-        False, description="Store bones' transforms in a tenth of the space, exact to fractions of a millimetre."
+        False, description="Store bones' transforms in an eighth of the space, exact to fractions of a millimetre."
     )
     mixed_rigs: float = Field(
         0.0, description="Share of the training clips to add on another rig of the collection as well.", ge=0, le=1

@@ -1,0 +1,143 @@
+"""`pumps calibrate`: how far weights may be trusted, learned on clips they were not trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import roma
+import torch
+
+from data_schemas.clips import ClipRow
+from data_schemas.errors import InputError
+from data_schemas.motion import MotionReader
+from data_schemas.skeleton import Motion
+from stages.calibrate.config import Config
+from stages.calibrate.fit import Sums, careful_fit, gain
+from stages.config import StageReport
+from stages.inference.confidence import (
+    SHAPE,
+    Confidence,
+    gap_sizes,
+    part_joints,
+    write_confidence,
+)
+from stages.inference.filling import FillOptions, Solved, believed_shares, solve_clip
+from stages.inference.local_pose import pose_of_motion
+from stages.inference.models import Models, load_weights
+from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.resampling import resample
+from stages.progress import SILENT, Progress
+from stages.shipped import CONFIDENCE_NAME, weights_folder
+from stages.statistics.archives import archive_of
+from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
+from stages.statistics.windows import Task, Window, chosen_windows, clip_windows
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Fit the trust and write it beside the weights.
+
+    Raises: InputError for weights or motions that are none, or no clip long enough in the splits.
+    """
+    models = load_weights(config.weights, config.device)
+    archives: dict[str, Sums] = {}
+    shrunk: dict[str, Sums] = {}
+    with MotionReader(config.motion) as reader:
+        plan = list(_plan(reader, config))
+        if not plan:
+            raise InputError(
+                f"{config.motion} has no clip of the split {' or '.join(config.splits)} that is long enough.",
+                "Name another with --splits.",
+            )
+        progress.start("filling", len(plan))
+        for archive, task, window in plan:
+            row = reader.row(window.clip)
+            motion = _cut(resample(reader.motion(row.clip), MODEL_FPS), window)
+            solved = solve_clip(
+                reader.skeleton(row.skeleton), motion, task.known(window.frames), replace(models, confidence=None),
+                points=config.points, seed=config.seed, device=models.autoencoder.device,
+            )  # fmt: skip
+            _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), solved, motion)
+            progress.advance(1, row.clip)
+    trust = careful_fit(archives, config.prior_windows)
+    gains = {name: _gains(archives, shrunk, name, config) for name in archives}
+    path = weights_folder(config.weights) / CONFIDENCE_NAME
+    write_confidence(path, Confidence(trust), {"windows": len(plan), "gains": gains})
+    return _report(config, models, trust, gains, len(plan))
+
+
+def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Window]]:
+    tasks = [Task(INTERPOLATION, each, config.window) for each in config.intervals]
+    tasks += [Task(TRANSITION, each, config.window) for each in config.transitions]
+    tasks += [Task(PREDICTION, each, config.window) for each in config.predictions]
+    archives: dict[str, list[ClipRow]] = {}
+    for row in reader.clips:
+        if row.split in config.splits:
+            archives.setdefault(archive_of(row), []).append(row)
+    for archive, rows in sorted(archives.items()):
+        for task in tasks:
+            windows = [clip_windows(row.clip, int(row.seconds * MODEL_FPS), task) for row in rows]
+            for window in chosen_windows(windows, config.max_windows):
+                yield archive, task, window
+
+
+def _cut(motion: Motion, window: Window) -> Motion:
+    span = slice(window.start, window.start + window.frames)
+    return replace(
+        motion,
+        rotations=motion.rotations[span],
+        root_positions=motion.root_positions[span],
+        tracks=motion.tracks[span],
+    )
+
+
+def _add(sums: Sums, shrunk: Sums, solved: Solved, motion: Motion) -> None:
+    """Compare a filled window's corrections with those that would have met the truth; `shrunk` gets the same of
+    corrections shrunk by the fixed floors."""
+    scene, made = solved.scene, solved.corrections
+    tokens, parents = scene.tokens, scene.skeleton.parents
+    frames = torch.arange(motion.frames, device=scene.device).double()
+    truth = pose_of_motion(scene.skeleton, motion, scene.device).at(frames, scene.times)
+    turns = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(scene.base.local), truth.local))
+    root = scene.skeleton.root
+    shifts = truth.world(parents)[0][:, root] - scene.base.world(parents)[0][:, root]
+    for gap in tokens.gaps():
+        sizes = gap_sizes(tokens, gap, scene.skeleton, made)
+        turn_shares, shift_share = believed_shares(made, gap, FillOptions())
+        pairs = [
+            (made.turns[gap][:, joints], turns[gap][:, joints], turn_shares[joints].unsqueeze(-1))
+            for joints in part_joints(scene.skeleton, made)
+        ]
+        pairs.append((made.shifts[gap], shifts[gap], shift_share))
+        for part, (own, true, share) in enumerate(pairs):
+            bins = (sizes.length_bin, part, int(sizes.size_bins[part]))
+            if bool(torch.isfinite(own).all()):
+                sums.add(bins, sizes.depth, own.cpu().numpy(), true.cpu().numpy())
+                shrunk.add(bins, sizes.depth, (own * share).cpu().numpy(), true.cpu().numpy())
+
+
+def _gains(archives: dict[str, Sums], shrunk: dict[str, Sums], name: str, config: Config) -> dict[str, float]:
+    """Of an archive: what its corrections are right about with trust learned on the others, as they are, and shrunk
+    by the fixed floors."""
+    others = {other: sums for other, sums in archives.items() if other != name} or archives
+    everything = np.ones(SHAPE)
+    return {
+        "trusted": gain(archives[name], careful_fit(others, config.prior_windows)),
+        "as they are": gain(archives[name], everything),
+        "fixed floors": gain(shrunk[name], everything),
+    }
+
+
+def _report(
+    config: Config, models: Models, trust: np.ndarray, gains: dict[str, dict[str, float]], windows: int
+) -> StageReport:
+    lines = [
+        f"Trust of {models.name} from {windows} windows of {len(gains)} archives, kept in "
+        f"{weights_folder(config.weights) / CONFIDENCE_NAME}; mean {trust.mean():.2f}.",
+        "Share of what corrections should have been (squares) that they are right about; trust learned on the other "
+        "archives:",
+    ]
+    for name, each in gains.items():
+        lines.append(f"  {name}: " + ", ".join(f"{how} {value:.3f}" for how, value in each.items()))
+    return StageReport(lines=lines, figures={"windows": windows, "gains": gains, "trust": trust.tolist()})
