@@ -44,7 +44,7 @@ class Config(TrainingConfig):
     )
     proportions: float = Field(
         1.25,
-        description="With augment, the sources' bones grow or shrink by factors of up to this; 1 is off. One build of "
+        description="With augment, sources' bones grow or shrink by factors of up to this; 1 is off. One build of "
         "source teaches one build.",
         ge=1.0,
         le=2.0,
