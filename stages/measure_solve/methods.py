@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion
 from stages.inference.following import follow_cloud
 from stages.inference.local_pose import pose_of_motion, replace_rows, rows_of_motion
-from stages.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network
+from stages.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network, solve_from_network
 from stages.measure_solve.conditions import Case
 from stages.measure_solve.config import Config
 from stages.networks.device import choose_device
@@ -38,7 +39,8 @@ def methods_of(config: Config) -> list[Method]:
         if not (name and equals and source) or name in {method.name for method in methods}:
             raise UsageError(f"--networks {text!r} is no NAME=FOLDER of its own.", "Write --networks mine=runs/mine.")
         network = load_rig_network(source, config.device)
-        methods.append(Method(name, lambda case, network=network: by_network(case, network), source))
+        for label, decode in ((name, decode_cloud), (f"{name} and solve", solve_from_network)):
+            methods.append(Method(label, partial(by_network, network=network, decode=decode), source))
     return methods
 
 
@@ -57,10 +59,13 @@ def solve(case: Case, device: torch.device | str = "cpu") -> Motion:
     return follow_cloud(case.skeleton, case.motion, case.known, points, groups, case.options).motion
 
 
-def by_network(case: Case, network: RigNetwork) -> Motion | None:
-    """The cloud alone, no keys; only where the network's rig is the case's own."""
+def by_network(case: Case, network: RigNetwork, decode: Callable[..., Motion] = decode_cloud) -> Motion | None:
+    """The cloud alone, no keys; only where the network's rig is the case's own.
+
+    Args: decode: `decode_cloud`, or `solve_from_network`, whose solve starts from the network's pose.
+    """
     rig = network.rig.skeleton
     same = rig.names == case.skeleton.names and np.allclose(rig.tails, case.skeleton.tails, atol=1e-3)
     if not same or np.bincount(case.groups.numpy(), minlength=5).min() == 0:
         return None
-    return decode_cloud(network, case.points, case.groups, case.motion.fps)
+    return decode(network, case.points, case.groups, case.motion.fps)

@@ -41,7 +41,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     artefact = open_artefact(config.motion, "motion")
     methods, conditions = methods_of(config), conditions_of(config)
-    inputs = [artefact, *(open_artefact(method.source, "checkpoint") for method in methods if method.source)]
+    sources = dict.fromkeys(method.source for method in methods if method.source)
+    inputs = [artefact, *(open_artefact(source, "checkpoint") for source in sources)]
     rows: list[MetricRow] = []
     pace = _Pace()
     with MotionReader(artefact) as reader:
