@@ -33,7 +33,10 @@ from stages.kinematics.retargeting import Retargeted, retarget
 
 SECTION = "retargeting"
 MOST_FRAMES = 1200
-_HEAD = "| from | to | size | poses apart | hands, turns | solve | feet, turns | solve | feet slide, source | solve | frames/s |"
+_HEAD = (
+    "| from | to | size | poses apart | hands, turns | solve | feet, turns | solve "
+    "| feet slide, source | solve | frames/s |"
+)
 
 Figure = tuple[Skeleton, Motion]
 

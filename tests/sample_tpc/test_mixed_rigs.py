@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
-from data_schemas.motion import MotionReader, MotionWriter
+from data_schemas.motion import MotionWriter
 from data_schemas.tpc import TpcReader
 from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
