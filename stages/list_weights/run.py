@@ -5,7 +5,8 @@ from __future__ import annotations
 from stages.config import StageReport
 from stages.list_weights.config import Config
 from stages.progress import SILENT, Progress
-from stages.shipped import facts_of, shipped_weights
+from stages.shipped import shipped_weights
+from stages.weights_facts import facts_of
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:

@@ -16,16 +16,9 @@ from data_schemas.whole_file import write_whole
 from stages.config import StageReport
 from stages.pack_weights.config import Config
 from stages.progress import SILENT, Progress
-from stages.shipped import (
-    CARD_NAME,
-    CONFIDENCE_NAME,
-    MEASURED_NAME,
-    VERDICT_WORDS,
-    parts_of,
-    verdicts,
-    weights_folder,
-)
+from stages.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
 from stages.statistics.tables import baseline_of, cells, overview
+from stages.weights_facts import VERDICT_WORDS, verdicts
 
 _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
 

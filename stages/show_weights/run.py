@@ -6,8 +6,8 @@ from typing import Any
 
 from stages.config import StageReport
 from stages.progress import SILENT, Progress
-from stages.shipped import VERDICT_WORDS, facts_of, verdicts
 from stages.show_weights.config import Config
+from stages.weights_facts import VERDICT_WORDS, facts_of, verdicts
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:

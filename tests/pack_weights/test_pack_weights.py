@@ -10,7 +10,7 @@ from data_schemas.metrics import MetricRow, write_metrics
 from stages.inference.models import load_weights
 from stages.pack_weights.config import Config
 from stages.pack_weights.run import run
-from stages.shipped import facts_of
+from stages.weights_facts import facts_of
 from tests.inference.examples import write_random_weights
 
 

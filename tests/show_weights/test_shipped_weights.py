@@ -13,9 +13,10 @@ from stages import shipped
 from stages.infill.config import Config as InfillConfig
 from stages.list_weights.config import Config as ListConfig
 from stages.list_weights.run import run as list_weights
-from stages.shipped import default_weights, facts_of, shipped_weights, verdicts
+from stages.shipped import default_weights, shipped_weights
 from stages.show_weights.config import Config as ShowConfig
 from stages.show_weights.run import run as show_weights
+from stages.weights_facts import facts_of, verdicts
 from tests.inference.examples import write_random_weights
 
 
