@@ -1,4 +1,4 @@
-"""The weights that come with the package: where they lie, which serve by default; `weights_facts` tells what they are.
+"""The weights that come with the package: where they lie, which serve by default; what they are: `weights_facts`.
 
 Reads no file but for being there, so that help is made at once.
 """
