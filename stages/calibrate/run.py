@@ -40,7 +40,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError for weights or motions that are none, or no clip long enough in the splits.
     """
-    models = load_weights(config.weights, config.device)
+    models = load_weights(config.weights, config.device, confidence=False)
     archives: dict[str, Sums] = {}
     shrunk: dict[str, Sums] = {}
     with MotionReader(config.motion) as reader:
@@ -55,7 +55,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             row = reader.row(window.clip)
             motion = _cut(resample(reader.motion(row.clip), MODEL_FPS), window)
             solved = solve_clip(
-                reader.skeleton(row.skeleton), motion, task.known(window.frames), replace(models, confidence=None),
+                reader.skeleton(row.skeleton), motion, task.known(window.frames), models,
                 points=config.points, seed=config.seed, device=models.autoencoder.device,
             )  # fmt: skip
             _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), solved, motion)

@@ -1,7 +1,7 @@
 """A learned confidence: how far to leave the plain interpolation, per frame and body group.
 
-A correction is multiplied by its trust, between 0 and 1. Trust is looked up by the length of the gap, the body group
-and how large the gap's corrections of that group are, and runs linearly from `edge` at the gap's keys to `middle`
+A correction is multiplied by its trust, between 0 and 1. Trust is looked up by the length of the gap, the part of the
+body and how large the gap's corrections of that part are, and runs linearly from `edge` at the gap's keys to `middle`
 halfway between them. It is the factor that would have brought held-back motions nearest to the truth (least squares),
 fitted by `pumps calibrate`; without it corrections are shrunk by fixed floors (`FillOptions`).
 """
@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from data_schemas.damaged_files import reading
-from data_schemas.skeleton import BODY_GROUPS, Skeleton
+from data_schemas.skeleton import Skeleton
 from data_schemas.whole_file import write_whole
 from stages.inference.solving import Corrections
 from stages.inference.token_times import Tokens
@@ -27,7 +27,9 @@ from stages.shipped import CONFIDENCE_NAME
 VERSION = 1
 GAP_EDGES = (7.0, 12.0, 20.0, 32.0, 48.0)  # model frames between the keys around a gap
 SIZE_EDGES = (0.02, 0.05, 0.1, 0.2)  # root mean square of a gap's corrections: radians; metres for the shift
-PARTS = (*BODY_GROUPS, "shift")  # what is trusted by itself: each group's turns, and where the pelvis is
+# What is trusted by itself: turns of the spine, of both arms, of both legs; and where the pelvis is.
+PARTS = ("spine", "arms", "legs", "shift")
+PART_OF_GROUP = np.array([0, 1, 1, 2, 2])
 NODES = ("edge", "middle")
 SHAPE = (len(GAP_EDGES) + 1, len(PARTS), len(SIZE_EDGES) + 1, len(NODES))
 
@@ -74,9 +76,10 @@ def gap_sizes(tokens: Tokens, gap: np.ndarray, skeleton: Skeleton, corrections: 
 
 
 def part_joints(skeleton: Skeleton, corrections: Corrections) -> list[np.ndarray]:
-    """For each body group, its joints that are corrected at all."""
-    seen = corrections.seen.cpu().numpy()
-    return [np.flatnonzero(seen & (skeleton.groups == group)) for group in range(len(BODY_GROUPS))]
+    """For each part that turns, its joints that are corrected at all."""
+    seen = corrections.seen.cpu().numpy() & (skeleton.groups >= 0)
+    part = PART_OF_GROUP[np.maximum(skeleton.groups, 0)]
+    return [np.flatnonzero(seen & (part == number)) for number in range(len(PARTS) - 1)]
 
 
 def trust_of(
@@ -84,8 +87,8 @@ def trust_of(
 ) -> tuple[Tensor, Tensor]:
     """What to multiply a gap's corrections by: turns (n, J) and shifts (n,), float32, on their device."""
     trust = confidence.of(gap_sizes(tokens, gap, skeleton, corrections)).to(corrections.turns)
-    groups = torch.as_tensor(np.maximum(skeleton.groups, 0).astype(np.int64), device=trust.device)
-    return trust[:, groups], trust[:, -1]
+    parts = torch.as_tensor(PART_OF_GROUP[np.maximum(skeleton.groups, 0)], device=trust.device)
+    return trust[:, parts], trust[:, -1]
 
 
 def _root_mean_square(values: Tensor) -> float:

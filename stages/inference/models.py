@@ -233,8 +233,8 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
     )
 
 
-def load_weights(name_or_path: str | Path, device: str = "auto") -> Models:
-    """Weights by shipped name or folder.
+def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: bool = True) -> Models:
+    """Weights by shipped name or folder, with the confidence beside them if wanted.
 
     Raises: InputError where there are none, or the synthesiser was trained on another encoder.
     """
@@ -258,7 +258,7 @@ def load_weights(name_or_path: str | Path, device: str = "auto") -> Models:
         tuple(artefact.manifest.licences),
         str(kept.config.get("trained_on", "")),
         str(name_or_path),
-        read_confidence(folder),
+        read_confidence(folder) if confidence else None,
     )
 
 
