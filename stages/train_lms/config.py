@@ -23,9 +23,15 @@ class NewSizes(SynthesiserSizes):
 class Config(TrainingConfig):
     """Train the latent motion synthesiser with the frozen encoder (PUMPS 3.3)."""
 
-    tpc: Path = Field(description="The tpc artefact to learn from (latents are drawn afresh at every step).")
+    tpc: Path = Field(description="The tpc artefact to learn from; latents are encoded from points drawn afresh.")
     ae: Path = Field(description="The autoencoder's checkpoint artefact.")
     latent: Path | None = Field(None, description="The latent artefact of these clips; it must be of this encoder.")
     synthesiser: NewSizes = NewSizes()
+    reuse: int = Field(
+        1,
+        description="Steps that a window, once encoded, serves in: encoding costs more than half a step on a CPU.",
+        ge=1,
+        le=16,
+    )
     latent_weight: float = Field(0.1, description="Weight of the latents' error beside the decoded clouds'.")
     longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")

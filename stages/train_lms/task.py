@@ -1,13 +1,14 @@
 """Training the latent motion synthesiser with a frozen encoder (PUMPS 3.3): batches, loss, validation.
 
-Latents are drawn afresh at every step, from freshly drawn points of augmented windows: breadth is what a small
-synthesiser lacks first. What it learns is a residual on the latents of the skeleton's own plain interpolation of the
-keys (`SynthesiserSizes.base`), encoded from the same points, so that what the autoencoder gets wrong in both cancels.
+Latents are encoded from freshly drawn points of augmented windows, and kept for a round of steps at most: breadth is
+what a small synthesiser lacks first. What it learns is a residual on the latents of the skeleton's own plain
+interpolation of the keys (`SynthesiserSizes.base`), encoded from the same points, so that what the autoencoder gets
+wrong in both cancels.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
@@ -21,8 +22,10 @@ from stages.kinematics.window_interpolation import interpolate_windows
 from stages.networks.device import precision
 from stages.networks.synthesiser import LatentSynthesiser, interpolate_known
 from stages.train_lms.config import Config
+from stages.train_lms.rounds import DRAWS, drawing_step, draws_afresh
+from stages.training.batches import DRAW
 from stages.training.masks import draw_known
-from stages.training.task import RowRandom, step_seed
+from stages.training.task import RowRandom, step_random, step_seed
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
 _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
@@ -32,10 +35,34 @@ _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes the
 
 @dataclass
 class FillBatch:
-    """points and base (B, T, P, 3) metres, groups (B, P), known and valid (B, T)."""
+    """points and base (B, T, P, 3) metres, groups (B, P), known and valid (B, T); `step` and `rows` name the draw."""
 
     points: Tensor
     base: Tensor | None
+    groups: Tensor
+    known: Tensor
+    valid: Tensor
+    step: int = -1
+    rows: tuple[int, ...] = ()
+
+
+@dataclass
+class AgainBatch:
+    """Rows of a batch whose windows were drawn, and encoded, at earlier steps."""
+
+    step: int
+    rows: tuple[int, ...]
+
+
+@dataclass
+class LatentBatch:
+    """What is learnt from, on the device: latents (B, T, D) and centroids (B, T, 3) metres of the true clouds and of
+    the base, groups (B, P), known and valid (B, T)."""
+
+    latents: Tensor
+    centroids: Tensor
+    base_latents: Tensor
+    base_centroids: Tensor
     groups: Tensor
     known: Tensor
     valid: Tensor
@@ -56,18 +83,26 @@ class SynthesiserTask:
         torch.manual_seed(config.seed)
         self.networks = LatentSynthesiser(self.encoder.latent_width, config.synthesiser).to(device)
         self.held_back = list(self._validation(held_back))
+        self.encoded: dict[tuple[int, tuple[int, ...]], LatentBatch] = {}  # this round's, by drawing step and rows
 
-    def weight(self, batch: FillBatch) -> float:
+    def weight(self, batch: FillBatch | AgainBatch) -> float:
         """The loss is a mean over missing frames."""
-        return float((batch.valid & ~batch.known).sum())
+        held = self._latents_of(batch) if isinstance(batch, AgainBatch) else batch
+        return float((held.valid & ~held.known).sum())
 
-    def draw(self, rng: RowRandom) -> FillBatch:
+    def draw(self, rng: RowRandom) -> FillBatch | AgainBatch:
+        if not draws_afresh(rng.step, self.config.reuse):
+            return AgainBatch(rng.step, rng.numbers)
+        return self._drawn(rng)
+
+    def _drawn(self, rng: RowRandom) -> FillBatch:
         config = self.config
         windows = self.pool.draw(
             len(rng.rows), config.window, rng, augment=config.augment, proportions=config.proportions
         )
         known = draw_known(windows.valid.sum(1), config.window, config.longest_gap, rng)
-        return self._clouds(windows, known, rng, augment=config.augment)
+        batch = self._clouds(windows, known, rng, augment=config.augment)
+        return replace(batch, step=rng.step, rows=rng.numbers)
 
     def _validation(self, pool: WindowPool) -> list[tuple[str, FillBatch]]:
         """The same held-back windows with keys every 5, 15 and 30 frames, and a prediction."""
@@ -122,25 +157,54 @@ class SynthesiserTask:
         made = self.decoder(latents, centroids, times, groups, noise)
         return made.view(batch, pieces * length, -1, 3)[:, :frames]
 
-    def _errors(self, batch: FillBatch, generator: torch.Generator) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-        """Missing frames' mean errors (scalars) of the network and of the base alone: `cloud`, between the clouds
-        decoded from the made and from the true latents, metres, and `latent`."""
+    def _encode_batch(self, batch: FillBatch) -> LatentBatch:
         device = self.device
         known, valid, point_groups = (part.to(device) for part in (batch.known, batch.valid, batch.groups))
         frames = known.shape[1]
         groups = point_groups.unsqueeze(1).expand(-1, frames, -1)
         missing = valid & ~known
-        # The base equals the truth at the keys, so only the missing frames of it are encoded.
         latents = torch.zeros(*known.shape, self.encoder.latent_width, device=device)
         centroids = torch.zeros(*known.shape, 3, device=device)
         latents[valid], centroids[valid] = self._encode(batch.points.to(device)[valid], groups[valid])
-        times = torch.arange(frames, device=device).unsqueeze(0)
         if batch.base is None:
-            every = times.expand_as(known)
+            every = torch.arange(frames, device=device).expand_as(known)
             base = interpolate_known(latents, known, every), interpolate_known(centroids, known, every)
         else:
+            # The base equals the truth at the keys, so only the missing frames of it are encoded.
             base = latents.clone(), centroids.clone()
             base[0][missing], base[1][missing] = self._encode(batch.base.to(device)[missing], groups[missing])
+        return LatentBatch(latents, centroids, *base, point_groups, known, valid)
+
+    def _latents_of(self, batch: FillBatch | AgainBatch) -> LatentBatch:
+        """A batch's windows, encoded now or in an earlier step of the round."""
+        if isinstance(batch, FillBatch):
+            return self._kept(batch)
+        config, sources = self.config, []
+        for place, row in enumerate(batch.rows):
+            step = drawing_step(batch.step, row, config.reuse, config.seed)
+            if (step, batch.rows) not in self.encoded:
+                # A run that goes on in the middle of a round draws what it had before, in the same parts.
+                self._kept(self._drawn(step_random(config.seed, DRAW, step, batch.rows)))
+            sources.append((self.encoded[step, batch.rows], place))
+        parts = ([getattr(source, each.name)[place] for source, place in sources] for each in fields(LatentBatch))
+        return LatentBatch(*(torch.stack(part) for part in parts))
+
+    def _kept(self, batch: FillBatch) -> LatentBatch:
+        encoded, length = self._encode_batch(batch), self.config.reuse * DRAWS
+        if self.config.reuse > 1:
+            self.encoded = {
+                key: each for key, each in self.encoded.items() if key[0] // length == batch.step // length
+            }
+            self.encoded[batch.step, batch.rows] = encoded
+        return encoded
+
+    def _errors(self, batch: LatentBatch, generator: torch.Generator) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """Missing frames' mean errors (scalars) of the network and of the base alone: `cloud`, between the clouds
+        decoded from the made and from the true latents, metres, and `latent`."""
+        device, known, valid = self.device, batch.known, batch.valid
+        latents, centroids, point_groups = batch.latents, batch.centroids, batch.groups
+        base, missing = (batch.base_latents, batch.base_centroids), valid & ~known
+        times = torch.arange(known.shape[1], device=device).unsqueeze(0)
         noise = self.decoder.draw_noise(len(point_groups), point_groups.shape[1], generator)
         with precision(device, self.config.mixed_precision):
             made = self.networks(latents, centroids, known, times, valid, base)
@@ -158,10 +222,10 @@ class SynthesiserTask:
         ]
         return errors[0], errors[1]
 
-    def loss(self, batch: FillBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: FillBatch | AgainBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Frames' root mean square errors, not squares, which would learn long gaps alone. The clouds' error is the
         one that a user sees; the latents' own (PUMPS 3.3) also asks for what the decoder does not look at."""
-        made, base = self._errors(batch, generator)
+        made, base = self._errors(self._latents_of(batch), generator)
         value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
         return value, {f"{name}_of_base": made[name].detach() / base[name] for name in made}
 
@@ -170,7 +234,7 @@ class SynthesiserTask:
         prediction; `score` is the clouds' mean."""
         shares: dict[str, dict[str, float]] = {"cloud": {}, "latent": {}}
         for name, batch in self.held_back:
-            made, base = self._errors(batch, torch.Generator(device=self.device).manual_seed(0))
+            made, base = self._errors(self._encode_batch(batch), torch.Generator(device=self.device).manual_seed(0))
             for kind, found in shares.items():
                 found[f"{kind}_of_base_{name}"] = float(made[kind] / base[kind])
         return {"score": float(np.mean(list(shares["cloud"].values()))), **shares["cloud"], **shares["latent"]}

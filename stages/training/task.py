@@ -17,9 +17,13 @@ class RowRandom(np.random.Generator):
 
     What is drawn from a window's own generator does not depend on which other windows are drawn beside it, so that a
     batch may be cut into parts (for several devices, or to accumulate gradients) and stays the same batch.
+
+    step: of the training. numbers: the windows' places in the whole batch.
     """
 
     rows: list[np.random.Generator]
+    step: int
+    numbers: tuple[int, ...]
 
 
 class Task(Protocol):
@@ -55,6 +59,7 @@ def step_random(seed: int, purpose: int, step: int, rows: Sequence[int]) -> RowR
     """The generators of some windows (by their number in the whole batch) of one step."""
     random = RowRandom(np.random.PCG64((seed, purpose, step)))
     random.rows = [np.random.default_rng((seed, purpose, step, row + 1)) for row in rows]
+    random.step, random.numbers = step, tuple(rows)
     return random
 
 
