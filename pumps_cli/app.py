@@ -31,7 +31,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
     wanted = next((word for word in given if not word.startswith("-")), None)
     everything = "_PUMPS_COMPLETE" in os.environ  # the shell asks for completions
+    _let_waiting_threads_sleep()
     build_app(wanted, everything=everything)(args=given, prog_name="pumps")
+
+
+def _let_waiting_threads_sleep() -> None:
+    """OpenMP's threads sleep while they wait, unless the environment says otherwise.
+
+    By default they spin, and wait for one another's turn where another process shares the cores: a solve was twenty
+    times slower beside one. OpenMP reads this when torch is loaded, which no module that is imported here does.
+    """
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    os.environ.setdefault("KMP_BLOCKTIME", "0")  # Intel's and LLVM's, which spin on for 200 ms all the same
 
 
 def build_app(wanted: str | None, *, everything: bool = False) -> typer.Typer:

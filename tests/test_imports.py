@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -69,6 +70,20 @@ def test_help_of_every_command_loads_no_torch():
         "    except SystemExit as leaving: assert not leaving.code, words"
     )
     assert not loaded_by(code) & {"torch", "h5py", "pyarrow", "scipy"}
+
+
+@pytest.mark.parametrize("given, sleeps", [({}, True), ({"OMP_WAIT_POLICY": "active"}, False)])
+def test_waiting_threads_sleep_unless_the_user_says_otherwise(given: dict[str, str], sleeps: bool):
+    """As the OpenMP that torch loads tells it itself, after the command was called."""
+    code = "from pumps_cli.app import main\ntry: main(['stages'])\nexcept SystemExit: pass\nimport torch"
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_", "KMP_"))}
+    told = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True, text=True, cwd=ROOT, check=True, env={**kept, "OMP_DISPLAY_ENV": "verbose", **given},
+    ).stderr  # fmt: skip
+    if "GOMP_SPINCOUNT" not in told:
+        pytest.skip("this build of torch brings another OpenMP than GNU's")
+    assert ("GOMP_SPINCOUNT = '0'" in told) == sleeps
 
 
 def test_no_module_of_the_house_is_too_long():
