@@ -58,7 +58,8 @@ def attend(query: Tensor, key: Tensor, value: Tensor, known: Tensor | None = Non
     products and a softmax, which AMX units multiply; without gradients, and in float32, the fused one wins.
 
     Args:
-        query: (B, H, T, width). key, value: (B, H, S, width). known: broadcast to (B, H, T, S), True: may be asked.
+        query: (B, H, T, width). key, value: (B, H, S, width).
+        known: broadcast to (B, H, T, S). True: may be asked; or, in the queries' dtype, what is added to the scores.
 
     Returns: (B, H, T, width).
     """
@@ -66,7 +67,7 @@ def attend(query: Tensor, key: Tensor, value: Tensor, known: Tensor | None = Non
         return F.scaled_dot_product_attention(query, key, value, attn_mask=known)
     scores = (query * query.shape[-1] ** -0.5) @ key.transpose(-1, -2)
     if known is not None:
-        scores = scores.masked_fill(~known, float("-inf"))
+        scores = scores.masked_fill(~known, float("-inf")) if known.dtype == torch.bool else scores + known
     return scores.softmax(dim=-1) @ value
 
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
+
+from stages.networks.attention import ExactNorm, attend
 
 
 class RelativeAttention(nn.Module):
@@ -56,7 +57,7 @@ class RelativeAttention(nn.Module):
         bias = self._position_scores(query, times, memory_times) * query.shape[-1] ** -0.5
         if known is not None:
             bias = bias.masked_fill(~known[:, None, None, :], float("-inf"))
-        mixed = F.scaled_dot_product_attention(query, key, value, attn_mask=bias)
+        mixed = attend(query, key, value, bias)
         return self.out(mixed.transpose(1, 2).flatten(2))
 
     def _position_scores(self, query: Tensor, times: Tensor, memory_times: Tensor) -> Tensor:
@@ -84,10 +85,10 @@ class RelativeLayer(nn.Module):
 
     def __init__(self, width: int, heads: int, longest: int = 64, *, asks_memory: bool = False, widening: int = 4):
         super().__init__()
-        self.attention_norm = nn.LayerNorm(width)
-        self.memory_norm = nn.LayerNorm(width) if asks_memory else None
+        self.attention_norm = ExactNorm(width)
+        self.memory_norm = ExactNorm(width) if asks_memory else None
         self.attention = RelativeAttention(width, heads, longest)
-        self.feed_norm = nn.LayerNorm(width)
+        self.feed_norm = ExactNorm(width)
         self.feed = nn.Sequential(nn.Linear(width, widening * width), nn.GELU(), nn.Linear(widening * width, width))
 
     def forward(
