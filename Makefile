@@ -24,6 +24,11 @@
 #
 # A run's files are targets: a second call does only what is out of date, and a killed one goes on where it was.
 
+# Threads that wait sleep, as in pumps itself, so that scripts beside it do the same: spinning they wait for one another
+# where other work shares the cores.
+export OMP_WAIT_POLICY ?= passive
+export KMP_BLOCKTIME ?= 0
+
 PYTHON ?= python3
 VENV   ?= .venv
 PUMPS  ?= $(VENV)/bin/pumps
