@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -13,6 +14,7 @@ import pyarrow.parquet as pq
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, read_newest
+from data_schemas.migrations import migrated_folder
 
 KIND = "metrics"
 METRICS_NAME = "metrics.parquet"
@@ -63,7 +65,12 @@ def read_metrics(artefact: Artefact | str | os.PathLike[str]) -> tuple[list[Metr
     Raises:
         InputError: missing, of another kind, newer than this pumps, or damaged.
     """
-    return read_newest(artefact, KIND, lambda found: _read(found.folder))
+    return read_newest(artefact, KIND, _migrated)
+
+
+def _migrated(found: Artefact) -> tuple[list[MetricRow], str]:
+    with TemporaryDirectory(prefix="pumps-") as scratch:
+        return _read(migrated_folder(found, Path(scratch)))
 
 
 def _read(folder: Path) -> tuple[list[MetricRow], str]:

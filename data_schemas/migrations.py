@@ -87,10 +87,22 @@ def _tpc_2_to_3(source: Path, target: Path) -> None:
         carry_over(source, target, path.name)
 
 
+def _metrics_1_to_2(source: Path, target: Path) -> None:
+    """Version 2 gives velocity jumps in metres a second; before, in millimetres a frame, 30 a second."""
+    carry_over(source, target, "summary.md")
+    table = pq.ParquetFile(source / "metrics.parquet").read()
+    rows = table.to_pylist()
+    for row in rows:
+        if row["metric"] == "key_jump_mm":
+            row.update(metric="key_jump_mps", value=row["value"] * 30 / 1000)
+    pq.write_table(pa.Table.from_pylist(rows, schema=table.schema), target / "metrics.parquet")
+
+
 MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("motion", 0): _motion_0_to_1,
     ("motion", 1): _clips_1_to_2,
     ("tpc", 1): _clips_1_to_2,
     ("tpc", 2): _tpc_2_to_3,
     ("latent", 1): _clips_1_to_2,
+    ("metrics", 1): _metrics_1_to_2,
 }

@@ -26,6 +26,7 @@ def results(
 
     from data_schemas.manifest import open_artefact
     from data_schemas.metrics import read_metrics
+    from stages.statistics.feel_tables import feel_lines
     from stages.statistics.figures import METRICS
     from stages.statistics.tables import cells, terminal_lines
 
@@ -33,5 +34,6 @@ def results(
     with told(manner, "pumps results"):
         rows, page = read_metrics(open_artefact(metrics, "metrics"))
         filling = all(row.metric in METRICS for row in rows)
-        text = (lambda: terminal_lines(cells(rows))) if filling else page.splitlines
+        found = cells(rows) if filling else {}
+        text = (lambda: [*terminal_lines(found), *feel_lines(found)]) if filling else page.splitlines
         show(manner, text, lambda: [asdict(row) for row in rows])

@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -28,16 +28,24 @@ RECONSTRUCTED = "-reconstructed"
 PARTS = ("ae", "lms", "train-ae", "train-lms")
 
 
+class Made(NamedTuple):
+    """Windows as a method fills them: positions (B, T, J, 3) and quaternions (B, T, J, 4); of a model also (B, T, J),
+    True where it left the plain interpolation as it is."""
+
+    positions: np.ndarray
+    rotations: np.ndarray
+    fell_back: np.ndarray | None = None
+
+
 @dataclass(frozen=True)
 class Method:
     """A row of the tables.
 
-    fill: called with a batch and `told`, which it calls after every window; gives positions (B, T, J, 3) and
-        quaternions (B, T, J, 4).
+    fill: called with a batch and `told`, which it calls after every window.
     """
 
     name: str
-    fill: Callable[[WindowBatch, Poses, Callable[[], None]], Filled]
+    fill: Callable[[WindowBatch, Poses, Callable[[], None]], Made]
 
 
 @dataclass(frozen=True)
@@ -94,11 +102,11 @@ def window_seed(seed: int, window: Window) -> int:
 
 
 def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
-    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Filled:
+    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Made:
         filled = function(poses, batch.known)
         for _ in batch.windows:
             told()
-        return filled
+        return Made(*filled)
 
     return fill
 
@@ -106,8 +114,8 @@ def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
 def _model_fill(models: Any, cloud: Literal["synthesised", "reconstructed", "true"], config: Config):
     device = choose_device(config.device)
 
-    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Filled:
-        motions = []
+    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Made:
+        motions, fell_back = [], []
         for window, motion in zip(batch.windows, batch.motions, strict=True):
             given = without_answers(motion, batch.known) if cloud == "synthesised" else motion
             filled = fill_motion(
@@ -121,8 +129,9 @@ def _model_fill(models: Any, cloud: Literal["synthesised", "reconstructed", "tru
                 device=device,
             )
             motions.append(filled.motion)
+            fell_back.append(filled.plain)
             told()
         result = Poses.of(batch.skeleton, motions)
-        return result.positions.numpy(), result.rotations.numpy()
+        return Made(result.positions.numpy(), result.rotations.numpy(), np.stack(fell_back))
 
     return fill

@@ -17,27 +17,25 @@ from data_schemas.motion import MotionReader
 from stages.config import StageReport
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
-from stages.evaluate.methods import LoadedWeights, load_all, methods_for
+from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
 from stages.progress import SILENT, Progress
-from stages.statistics.baselines import Filled
+from stages.statistics.feel import TrueFeet, feel, true_feet
+from stages.statistics.feel_tables import feel_lines
 from stages.statistics.figures import (
     POWER_WEIGHTED,
+    TRUTH,
     Figures,
     Truth,
     hip_joints,
-    keys_beside_gaps,
     measure,
     measure_lafan1,
     measured_joints,
     position_deviation,
 )
-from stages.statistics.metrics import key_jump_mm
 from stages.statistics.tables import cells, terminal_lines
 from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 from stages.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
-
-TRUTH = "truth"
 
 
 @dataclass
@@ -96,7 +94,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
         draft.summary.update(_counts(rows, plan))
         write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, loaded, statistics.borrowed))
-    lines = [*terminal_lines(found), f"Full tables: {config.output}, summary.md (pumps report draws them)."]
+    where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
+    lines = [*terminal_lines(found), *feel_lines(found), where]
     return StageReport(output=config.output, lines=lines, figures=_counts(rows, plan))
 
 
@@ -141,22 +140,28 @@ def _measure_task(
         poses = batch.poses()
         joints = measured_joints(batch.skeleton)
         truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)
+        feet = true_feet(batch.skeleton, truth.positions) if config.protocol == "pumps" else None
         if config.protocol == "pumps":
-            jumps = key_jump_mm(truth.positions[:, :, joints], keys_beside_gaps(batch.known))
-            tally.add(batch.windows, TRUTH, {"key_jump_mm": (jumps, np.ones(len(jumps)))})
+            tally.add(batch.windows, TRUTH, feel(truth.positions, truth, joints, feet))
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
             filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
-            tally.add(batch.windows, method.name, _figures(filled, truth, batch, joints, statistics, config))
+            tally.add(batch.windows, method.name, _figures(filled, truth, batch, joints, feet, statistics, config))
     return tally
 
 
 def _figures(
-    filled: Filled, truth: Truth, batch: WindowBatch, joints: np.ndarray, statistics: _Statistics, config: Config
+    made: Made,
+    truth: Truth,
+    batch: WindowBatch,
+    joints: np.ndarray,
+    feet: TrueFeet | None,
+    statistics: _Statistics,
+    config: Config,
 ) -> Figures:
-    positions, rotations = filled
+    positions, rotations, fell_back = made
     if config.protocol == "pumps":
-        return measure(positions, rotations, truth, joints)
+        return measure(positions, rotations, truth, joints) | feel(positions, truth, joints, feet, fell_back)
     across = hip_joints(batch.skeleton)
     deviation = statistics.of(batch, joints, across)
     return measure_lafan1(positions, rotations, truth, joints, across, deviation)

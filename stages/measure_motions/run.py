@@ -28,7 +28,6 @@ from stages.statistics.windows import Window, chosen_windows
 
 _FRAMES_OFF = 2  # two roundings of a clip's length
 _SAME_M = 1e-3  # bones that differ by less are of one skeleton
-_LEFT_OUT = "key_jump_mm"  # there are no keys
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -156,8 +155,7 @@ def _figures(skeleton: Skeleton, true: Motion, made: Motion, window: Window) -> 
     both = [(positions_of(skeleton, motion)[None, part], motion.rotations[None, part]) for motion in (true, made)]
     known = np.ones(both[0][0].shape[1], bool)
     truth = Truth(*both[0], known, skeleton.root)
-    found = measure(*both[1], truth, np.flatnonzero(skeleton.sampled))
-    return {metric: value for metric, value in found.items() if metric != _LEFT_OUT}
+    return measure(*both[1], truth, np.flatnonzero(skeleton.sampled))
 
 
 def _lines(rows: Sequence[MetricRow]) -> list[str]:

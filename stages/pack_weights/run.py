@@ -17,7 +17,10 @@ from stages.config import StageReport
 from stages.pack_weights.config import Config
 from stages.progress import SILENT, Progress
 from stages.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
-from stages.statistics.tables import baseline_of, cells, overview
+from stages.statistics.feel_tables import feel_markdown
+from stages.statistics.figures import TRUTH
+from stages.statistics.tables import baseline_of, cells, overview, scopes_of
+from stages.statistics.tasks import TASK_NAMES
 from stages.weights_facts import VERDICT_WORDS, verdicts
 
 _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
@@ -80,7 +83,8 @@ def _pack(config: Config, part: str, kept: Checkpoint, source: Artefact) -> Arte
 
 
 def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[str, Any]], str]:
-    """Ratios of L2P to the plain baseline, for each archive, task and interval, and the table of them as Markdown."""
+    """Ratios of L2P to the plain baseline, for each archive, task and interval; and, as Markdown, the tables of them
+    and, of all archives together, of feel."""
     metrics = open_artefact(str(config.measured), "metrics")
     digests = {source.digest for source in metrics.manifest.inputs}
     if not {ae.manifest.digest, lms.manifest.digest} <= digests:
@@ -91,7 +95,8 @@ def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[st
     rows, _ = read_metrics(metrics)
     # The plain interpolation that filling starts from stands beside it: what the networks add is the step from there.
     shown = ("damped", config.method)
-    found = {key: cell for key, cell in cells(rows).items() if key[3] == "l2p_m" and key[4] in shown}
+    every = cells(rows)
+    found = {key: cell for key, cell in every.items() if key[3] == "l2p_m" and key[4] in shown}
     if not any(key[4] == config.method for key in found):
         raise InputError(f"{config.measured} has no method {config.method!r}.", "Name it with --method.")
     measured = [
@@ -108,7 +113,8 @@ def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[st
         for (scope, task, interval, _, method), cell in found.items()
         if method == config.method and cell.ratio is not None and np.isfinite(cell.ratio.value)
     ]
-    return measured, overview(found)
+    aside = tuple({key[4] for key in every} - {*shown, TRUTH, *map(baseline_of, TASK_NAMES)})
+    return measured, "\n".join([overview(found), feel_markdown(every, scopes=scopes_of(every)[-1:], aside=aside)])
 
 
 def _card(

@@ -19,13 +19,15 @@ class Metric:
     """How a metric is printed.
 
     headline: gets intervals in the summary.
-    is_error: False for a property of a motion, which has a truth of its own and no ratio worth printing.
+    feel: a property of one motion, the truth's too, in a table of its own (`feel_tables`).
+    beside_truth: its ratio is to the truth's own figure, not to the plain baseline's.
     """
 
     label: str
     unit: str
     headline: bool = False
-    is_error: bool = True
+    feel: bool = False
+    beside_truth: bool = False
 
 
 METRICS: dict[str, Metric] = {
@@ -41,10 +43,15 @@ METRICS: dict[str, Metric] = {
     "mpjae_deg": Metric("MPJAE", "degrees"),
     "knn_cm": Metric("L_KNN", "cm", headline=True),
     "end_cm": Metric("L_end", "cm", headline=True),
-    "key_jump_mm": Metric("Velocity jump at keys", "mm/frame", is_error=False),
+    "key_jump_mps": Metric("Velocity jump at keys", "m/s", feel=True),
+    "foot_skate_mps": Metric("Foot skate", "m/s", feel=True),
+    "floor_penetration_mm": Metric("Below the floor", "mm", feel=True),
+    "jerk_mps3": Metric("Jerk", "m/s³", feel=True, beside_truth=True),
+    "fell_back_share": Metric("Fell back", "", feel=True),
 }
 
 POWER_WEIGHTED = ("npss", "npss_lafan1")
+TRUTH = "truth"  # what rows of the truth's own feel are called, where a method's name stands
 
 
 @dataclass(frozen=True)
@@ -87,7 +94,6 @@ def measure(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: 
         "mpjve_mm": (metrics.mpjve_mm(p, p_true), ones),
         "acceleration_mm": (metrics.acceleration_mm(p, p_true), ones),
         "mpjae_deg": (metrics.mpjae_deg(q, q_true), ones),
-        "key_jump_mm": (metrics.key_jump_mm(p, keys_beside_gaps(truth.known)), ones),
     }
 
 

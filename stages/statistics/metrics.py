@@ -39,18 +39,6 @@ def acceleration_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     return _mean_norm(np.diff(_difference(predicted, true), n=2, axis=-3))
 
 
-def key_jump_mm(positions: np.ndarray, keys: np.ndarray) -> np.ndarray:
-    """Mean change of a joint's velocity at the frames `keys` (K,), none of them first or last; (...,) mm a frame.
-
-    No error but a property of one motion: slerp's kinks show in it, and the truth has some of its own.
-    """
-    if len(keys) == 0:
-        return np.full(positions.shape[:-3], np.nan)
-    positions = np.asarray(positions, np.float64)
-    before, at, after = (positions[..., keys + step, :, :] for step in (-1, 0, 1))
-    return _mean_norm(after - 2 * at + before)
-
-
 def mpjae_deg(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Mean angle of the rotation between predicted and true joint rotations (geodesic); (...,) degrees."""
     chord = np.linalg.norm(_difference(aligned_signs(predicted, true), true), axis=-1)

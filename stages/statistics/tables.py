@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.metrics import MetricRow
 from stages.statistics.bootstrap import Estimate, mean_interval, ratio_interval
-from stages.statistics.figures import METRICS, POWER_WEIGHTED
+from stages.statistics.figures import METRICS, POWER_WEIGHTED, TRUTH
 from stages.statistics.tasks import INTERPOLATION, PREDICTION, RECONSTRUCTION, RETARGETING, TRANSITION
 
 ALL = "all archives"
@@ -26,7 +26,7 @@ DIGITS = 3
 
 @dataclass(frozen=True)
 class Cell:
-    """One figure of a table: the average over clips, and its ratio to the baseline's on the same clips."""
+    """One figure of a table: the average over clips, and its ratio to the baseline's or truth's on the same clips."""
 
     mean: Estimate
     ratio: Estimate | None
@@ -56,11 +56,12 @@ def cells(rows: Iterable[MetricRow], seed: int = 0) -> dict[Key, Cell]:
 
 def _cell(key: Key, group: dict, grouped: dict[Key, dict], seed: int) -> Cell:
     scope, task, interval, metric, method = key
-    base = grouped.get((scope, task, interval, metric, baseline_of(task)), {})
+    beside = TRUTH if METRICS[metric].beside_truth else baseline_of(task)
+    base = grouped.get((scope, task, interval, metric, beside), {})
     clips = sorted(group)
     values, weights = _columns(group, clips, metric)
     ratio = None
-    if METRICS[metric].is_error and method != baseline_of(task) and base.keys() == group.keys():
+    if method not in (beside, TRUTH) and base.keys() == group.keys():
         ratio = ratio_interval(values, weights, *_columns(base, clips, metric), seed)
     windows = sum(group[clip].windows for clip in clips)
     return Cell(mean_interval(values, weights, seed), ratio, len(clips), windows)
@@ -89,10 +90,14 @@ def task_tables(found: dict[Key, Cell]) -> str:
     for scope in scopes_of(found):
         parts.append(f"## {scope}\n")
         for task in in_order(found, 1):
-            here = {key: cell for key, cell in found.items() if key[:2] == (scope, task)}
+            here = _of_task(found, scope, task)
             if here:
                 parts += _task_section(task, here)
     return "\n".join(parts)
+
+
+def _of_task(found: dict[Key, Cell], scope: str, task: str) -> dict[Key, Cell]:
+    return {key: cell for key, cell in found.items() if key[:2] == (scope, task) and not METRICS[key[3]].feel}
 
 
 def _task_section(task: str, here: dict[Key, Cell]) -> list[str]:
@@ -164,17 +169,17 @@ def _overview_rows(found: dict[Key, Cell], scope: str, metric: str, columns: lis
 def _ratio_text(cell: Cell | None) -> str:
     if cell is None or cell.ratio is None or not np.isfinite(cell.ratio.value):
         return ""
-    return f"{cell.ratio.value:.2f}{_span(cell.ratio, 2)}"
+    return f"{cell.ratio.value:.2f}{span_text(cell.ratio, 2)}"
 
 
 def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
     """`0.412 [0.38, 0.45] ×0.81*`: mean, interval, ratio to the baseline; a star where its interval leaves out 1."""
     if cell is None:
         return ""
-    digits = _decimals(cell.mean.value)
+    digits = decimals_of(cell.mean.value)
     text = f"{cell.mean.value:.{digits}f}"
     if intervals:
-        text += _span(cell.mean, digits)
+        text += span_text(cell.mean, digits)
     if cell.ratio is not None and np.isfinite(cell.ratio.value):
         text += f" ×{cell.ratio.value:.2f}{'*' if _leaves_out_one(cell.ratio) else ''}"
     return text
@@ -184,13 +189,14 @@ def _leaves_out_one(ratio: Estimate) -> bool:
     return ratio.low is not None and ratio.high is not None and not ratio.low <= 1 <= ratio.high
 
 
-def _span(estimate: Estimate, digits: int) -> str:
+def span_text(estimate: Estimate, digits: int) -> str:
+    """` [0.38, 0.45]`, the interval; nothing where there is none."""
     if estimate.low is None or estimate.high is None:
         return ""
     return f" [{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
 
 
-def _decimals(value: float) -> int:
+def decimals_of(value: float) -> int:
     """So many decimals that three digits count."""
     if not np.isfinite(value) or value == 0:
         return DIGITS
@@ -202,7 +208,7 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
     scope = scopes_of(found)[-1]
     lines: list[str] = []
     for task in in_order(found, 1):
-        here = {key: cell for key, cell in found.items() if key[:2] == (scope, task)}
+        here = _of_task(found, scope, task)
         if not here:
             continue
         intervals = sorted({key[2] for key in here})
@@ -210,7 +216,7 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
         for metric in (m for m in METRICS if METRICS[m].headline):
             rows = _metric_rows(metric, intervals, here, True) if any(key[3] == metric for key in here) else []
             grid += [[part.strip() for part in row.strip("|").split("|")] for row in rows]
-        lines += _aligned(grid)
+        lines += aligned(grid)
         lines.append(
             f"({scope}: {', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of "
             f"{baseline_of(task)}'s)"
@@ -218,8 +224,9 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
     return lines
 
 
-def _aligned(grid: list[list[str]]) -> list[str]:
-    widths = [max(len(row[column]) for row in grid[1:]) for column in range(len(grid[0]))]
+def aligned(grid: list[list[str]]) -> list[str]:
+    """A table as lines of text; the first row is its head, whose first cell runs over two columns."""
+    widths = [max(len(row[column]) for row in grid[column < 2 :]) for column in range(len(grid[0]))]
     title_width = sum(widths[:2]) + 2
     rows = [([f"{grid[0][0]:<{title_width}}", *grid[0][2:]], [title_width, *widths[2:]])]
     rows += [(row, widths) for row in grid[1:]]

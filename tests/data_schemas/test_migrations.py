@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from data_schemas import migrations
-from data_schemas.artefact import open_artefact, verify
+from data_schemas.artefact import open_artefact, verify, write_artefact
 from data_schemas.errors import InputError
 from data_schemas.kinds import KINDS
+from data_schemas.metrics import MetricRow, read_metrics, write_metrics
 from data_schemas.motion import MotionReader
 from tests.data_schemas.examples import a_motion, a_skeleton, write_motion
 
@@ -36,6 +37,20 @@ def test_frozen_motion_of_version_0_is_read():
     np.testing.assert_allclose(motion.rotations, a_motion(4).rotations, atol=1e-6)
     np.testing.assert_allclose(motion.tracks, a_motion(4).tracks, atol=1e-6)
     assert verify(FROZEN) == []  # reading changes nothing
+
+
+def test_velocity_jumps_of_version_1_become_metres_a_second(tmp_path, monkeypatch):
+    rows = [
+        MetricRow("c", "s", "a", "slerp", "interpolation", 15, metric, value)
+        for metric, value in (("l2p_m", 0.5), ("key_jump_mm", 20.0))
+    ]
+    with monkeypatch.context() as then:
+        then.setitem(KINDS, "metrics", KINDS["metrics"]._replace(schema_version=1))
+        with write_artefact(tmp_path / "m", "metrics", stage="evaluate", config={}) as draft:
+            write_metrics(draft.folder, rows, "# Evaluation\n")
+    found, summary = read_metrics(tmp_path / "m")
+    assert [(row.metric, row.value) for row in found] == [("l2p_m", 0.5), ("key_jump_mps", pytest.approx(0.6))]
+    assert summary == "# Evaluation\n"
 
 
 def test_scratch_of_a_migration_goes_with_the_reader():

@@ -101,7 +101,7 @@ def test_the_stage_writes_rows_and_a_summary(motions: Path, tmp_path: Path) -> N
     assert 0 < errors[0] < errors[1] < errors[2]
     assert by_key["one", "interpolation", 15, "l2p_m", "cubic"].value < errors[1]
     assert {r.method for r in rows if r.task == "prediction"} == {"zero-velocity", "constant-velocity", "truth"}
-    assert {r.metric for r in rows if r.method == "truth"} == {"key_jump_mm"}
+    assert {r.metric for r in rows if r.method == "truth"} == {"key_jump_mps", "jerk_mps3"}  # it flies
     assert all(r.weight == 1 for r in rows if r.metric != "npss")
     assert "pumps evaluate --motion" in summary and "--max-windows 4" in summary and "windows of 3 clips" in summary
     assert report.figures["windows"]["set-1, interpolation 15"] == 4
@@ -136,6 +136,12 @@ def test_weights_are_methods_and_inputs(motions: Path, tmp_path: Path) -> None:
     assert {r.method for r in rows if r.task == "prediction"} >= {"mine", "mine-reconstructed", "zero-velocity"}
     assert all(np.isfinite(row.value) for row in rows)
     assert "- `mine`: weights" in summary
+    shares = {r.method: r.value for r in rows if r.metric == "fell_back_share" and r.task == "interpolation"}
+    assert set(shares) == {"mine", "mine-reconstructed", methods.TRUE_CLOUD} and all(
+        0 <= s <= 1 for s in shares.values()
+    )
+    assert shares[methods.TRUE_CLOUD] < 0.1  # points without error are believed
+    assert "## Feel, all archives" in summary
     assert [each.kind for each in open_artefact(config.output).manifest.inputs] == [
         "motion",
         "checkpoint",

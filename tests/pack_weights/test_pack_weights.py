@@ -52,6 +52,8 @@ def _measured(path, inputs, method="pumps"):
         for clip in range(4)
         for name, value in (("slerp", 1.0), ("damped", 0.9), (method, 0.5))
     ]
+    feel = [("truth", 0.01), ("lerp", 0.4), ("slerp", 0.3), (method, 0.02), ("another", 0.1)]
+    rows += [MetricRow("clip0", "s", "a", name, "interpolation", 15, "foot_skate_mps", value) for name, value in feel]
     with write_artefact(path, "metrics", stage="evaluate", config={}, inputs=inputs) as draft:
         write_metrics(draft.folder, rows, "# Evaluation\n")
     return path
@@ -65,6 +67,9 @@ def test_what_was_measured_goes_with_the_weights(trained, tmp_path):
     assert row["task"] == "interpolation" and row["high"] < 0.6 < row["ratio"] + 0.15
     card = (tmp_path / "packed" / "MODEL_CARD.md").read_text()
     assert "Good at: interpolation 15" in card and "| damped |" in card
+    assert sum(line.startswith("|  | pumps |  | 0.0200") for line in card.splitlines()) == 1
+    assert "## Feel, a" in card and "| interpolation 15 | truth |  | 0.0100" in card
+    assert "another" not in card and "lerp |  | 0.4" not in card.replace("slerp", "")
 
 
 def test_what_was_measured_of_other_weights_is_refused(trained, tmp_path):

@@ -1,0 +1,73 @@
+"""The table of feel: for every task a row for the truth and each method, a column for each figure, with intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stages.statistics.bootstrap import Estimate
+from stages.statistics.figures import METRICS, TRUTH
+from stages.statistics.tables import Cell, Key, aligned, decimals_of, in_order, scopes_of, span_text
+
+COLUMNS = {
+    "key_jump_mps": "velocity jump at keys (m/s)",
+    "foot_skate_mps": "foot skate (m/s)",
+    "floor_penetration_mm": "below the floor (mm)",
+    "jerk_mps3": "jerk, share of the truth's",
+    "fell_back_share": "fell back",
+}
+ASIDE = ("lerp", "cubic")  # plain ways that filling does not start from: in the whole page alone
+LEGEND = (
+    "Feel: mean [95% bootstrap interval over clips]. Jump and skate are best where they are the truth's own, jerk "
+    "where it is 1; nothing should be below the floor; fell back is the share of filled frames and bones that a "
+    "model left at the plain interpolation."
+)
+
+
+def feel_markdown(found: dict[Key, Cell], *, scopes: list[str] | None = None, aside: tuple[str, ...] = ()) -> str:
+    """Markdown of the tables of all scopes, or of those named; nothing where no feel was measured."""
+    parts: list[str] = []
+    for scope in scopes or scopes_of(found):
+        rows = _rows(found, scope, aside)
+        if rows:
+            parts.append(f"## Feel, {scope}\n")
+            if len(parts) == 1:
+                parts.append(LEGEND + "\n")
+            parts.append(f"| task | method | {' | '.join(COLUMNS.values())} |")
+            parts.append(f"|---|---|{'---:|' * len(COLUMNS)}")
+            parts += [f"| {' | '.join(row)} |" for row in rows]
+            parts.append("")
+    return "\n".join(parts)
+
+
+def feel_lines(found: dict[Key, Cell]) -> list[str]:
+    """The table of all data together, as aligned text; nothing where no feel was measured."""
+    scopes = scopes_of(found)
+    rows = _rows(found, scopes[-1], ASIDE) if scopes else []
+    if not rows:
+        return []
+    return [*aligned([["Feel:", "", *COLUMNS.values()], *rows]), f"({scopes[-1]}; 95% intervals over clips)"]
+
+
+def _rows(found: dict[Key, Cell], scope: str, aside: tuple[str, ...]) -> list[list[str]]:
+    rows: list[list[str]] = []
+    measured = {key: cell for key, cell in found.items() if key[0] == scope and METRICS[key[3]].feel}
+    for task in in_order(measured, 1):
+        for interval in sorted({key[2] for key in measured if key[1] == task}):
+            here = {(key[4], key[3]): cell for key, cell in measured.items() if key[1:3] == (task, interval)}
+            for number, method in enumerate(m for m in dict.fromkeys(m for m, _ in here) if m not in aside):
+                label = f"{task} {interval}" if number == 0 else ""
+                rows.append([label, method, *(_text(name, method, here.get((method, name))) for name in COLUMNS)])
+    return rows
+
+
+def _text(metric: str, method: str, cell: Cell | None) -> str:
+    if cell is None:
+        return ""
+    shown = cell.mean
+    if METRICS[metric].beside_truth:
+        shown = Estimate(1.0, None, None) if method == TRUTH else cell.ratio
+    if shown is None or not np.isfinite(shown.value):
+        return ""
+    share = METRICS[metric].beside_truth or metric == "fell_back_share"
+    digits = 2 if share else decimals_of(shown.value)
+    return f"{shown.value:.{digits}f}{span_text(shown, digits)}"
