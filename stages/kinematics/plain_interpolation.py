@@ -15,8 +15,26 @@ from torch import Tensor
 
 from data_schemas.errors import UsageError
 
-Smoothness = float | Tensor
-_HALF_SMOOTH_S = 1.3  # a gap of this length keeps half of its smoothness; found on validation clips of four data sets
+
+class Damping(NamedTuple):
+    """Seconds of the gap that keeps half of the cubic, of rotations and of places; by benchmarks/damping.py."""
+
+    turns_s: float = 1.3
+    places_s: float = 5.0
+
+
+DAMPING = Damping()
+
+
+class Smoothing(NamedTuple):
+    """How far segments leave slerp and lerp for the C1 cubic, of rotations and of places: 0 to 1, or (K-1,) with one
+    for each segment."""
+
+    turns: float | Tensor
+    places: float | Tensor
+
+
+Smoothness = float | Tensor | Smoothing
 
 
 class Glide(NamedTuple):
@@ -41,19 +59,24 @@ class Segments(NamedTuple):
     share: Tensor
 
 
-def damped_smoothness(key_times: Tensor, rate_hz: float) -> Tensor:
-    """How far each gap may leave slerp for the C1 cubic, (K-1,): nearly all the way where keys are close, little
-    where they are seconds apart and a velocity at the key says nothing of the middle.
+def damped_smoothness(key_times: Tensor, rate_hz: float, damping: Damping = DAMPING) -> Smoothing:
+    """How far each gap may leave slerp for the C1 cubic: rotations nearly all the way where keys are close, little
+    where they are seconds apart and a velocity at the key says nothing of the middle; places, which have inertia,
+    longer.
 
-    On validation clips the cubic's L2P is 0.4 to 0.7 of slerp's at gaps of 5 frames (30 a second) and about slerp's
-    at gaps of 30 between single keys; in transitions, whose keys' velocities are exact, 0.5 at 15, 0.75 at 30, and
-    1.0 to 1.8 at 60, where the damped one has 0.9.
+    On validation clips the cubic's L2P is 0.66 of slerp's at gaps of 5 frames (30 a second) and about slerp's at gaps
+    of 30 between single keys; in transitions, whose keys' velocities are exact, 0.57 at 15, 0.87 at 30 and 1.1 at 60,
+    where with damped rotations it is 0.58, 0.81 and 0.84 (`benchmarks/damping.py`).
 
     Args:
         key_times: (K,) rising. rate_hz: how many of their units are a second.
     """
     seconds = key_times.double().diff() / rate_hz
-    return (1 / (1 + (seconds / _HALF_SMOOTH_S) ** 3)).float()
+    return Smoothing(*(_damped(seconds, half) for half in damping))
+
+
+def _damped(seconds: Tensor, half: float) -> Tensor:
+    return (1 / (1 + (seconds / half) ** 3)).float()
 
 
 def locate_segments(key_times: Tensor, times: Tensor) -> Segments:
@@ -87,7 +110,7 @@ def interpolate_pose(
         key_times: (K,) strictly rising, any unit.
         times: (T,) in the same unit.
         smooth: 0 is slerp and lerp, 1 the C1 cubic through the keys, between them the tangents are blended; a number,
-            or (K-1,) with one for each segment, such as `damped_smoothness` gives.
+            (K-1,) with one for each segment, or such of rotations and of places, as `damped_smoothness` gives.
         glide: how to go on before the first and after the last key; None holds them.
 
     Returns: local (T, J, 4) sign-continuous in rising time, roots (T, 3), offsets (T, J, 3) (or (J, 3) as given).
@@ -100,9 +123,10 @@ def interpolate_pose(
         return local[held], roots[held], offsets[held] if varying else offsets
     segments = locate_segments(key_times, times)
     lengths = key_times.double().diff().float()
-    local_out = _rotation_curve(_continuous_signs(local), lengths, segments, smooth)
-    roots_out = _position_curve(roots, lengths, segments, smooth)
-    offsets_out = _position_curve(offsets, lengths, segments, smooth) if varying else offsets
+    turns, places = smooth if isinstance(smooth, Smoothing) else (smooth, smooth)
+    local_out = _rotation_curve(_continuous_signs(local), lengths, segments, turns)
+    roots_out = _position_curve(roots, lengths, segments, places)
+    offsets_out = _position_curve(offsets, lengths, segments, places) if varying else offsets
     if glide is not None and any(glide):
         away = torch.maximum(times.double() - key_times[-1].double(), key_times[0].double() - times.double()).float()
         out = away > 0
@@ -158,7 +182,7 @@ def _turned_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
     return roma.quat_product(edge, roma.rotvec_to_unitquat(steps[..., None, None] * step))
 
 
-def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smooth: Smoothness = 0.0) -> Tensor:
+def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smooth: float | Tensor = 0.0) -> Tensor:
     """Values (K, ...) at keys to values (T, ...) at times: lines, or with `smooth` 1 without kinks; held outside.
 
     Raises: UsageError where there is no key or the key times do not rise.
@@ -182,7 +206,7 @@ def _continuous_signs(rotations: Tensor) -> Tensor:
     return torch.cat([rotations[:1], rotations[1:] * torch.cumprod(flips, dim=0)])
 
 
-def _tangents(slopes: Tensor, lengths: Tensor, smooth: Smoothness) -> tuple[Tensor, Tensor]:
+def _tangents(slopes: Tensor, lengths: Tensor, smooth: float | Tensor) -> tuple[Tensor, Tensor]:
     """Slopes at the start and the end of every segment, (K-1, ...), from the segments' mean slopes (K-1, ...).
 
     A shared tangent is the slope at the key of the parabola through the key and its neighbours; the first and the
@@ -196,7 +220,7 @@ def _tangents(slopes: Tensor, lengths: Tensor, smooth: Smoothness) -> tuple[Tens
     return slopes + smooth * (shared[:-1] - slopes), slopes + smooth * (shared[1:] - slopes)
 
 
-def _position_curve(values: Tensor, lengths: Tensor, segments: Segments, smooth: Smoothness) -> Tensor:
+def _position_curve(values: Tensor, lengths: Tensor, segments: Segments, smooth: float | Tensor) -> Tensor:
     first, share = segments.first, segments.share.view(-1, *[1] * (values.dim() - 1))
     straight = torch.lerp(values[first], values[first + 1], share)
     if not isinstance(smooth, Tensor) and smooth == 0.0:
@@ -210,7 +234,7 @@ def _position_curve(values: Tensor, lengths: Tensor, segments: Segments, smooth:
     return straight + h[first] * (bend_in * (start - slopes)[first] - bend_out * (end - slopes)[first])
 
 
-def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: Smoothness) -> Tensor:
+def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: float | Tensor) -> Tensor:
     first, share = segments.first, segments.share.view(-1, *[1] * (keys.dim() - 2), 1)
     turns = roma.quat_product(roma.quat_conjugation(keys[:-1]), keys[1:])
     # The shorter way round; the sign continuity of the keys has chosen it already save for float rounding.

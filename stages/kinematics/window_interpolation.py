@@ -6,13 +6,27 @@ import roma
 import torch
 from torch import Tensor
 
-from stages.kinematics.plain_interpolation import Glide, damped_smoothness, glide_on, interpolate_pose
+from stages.kinematics.plain_interpolation import (
+    DAMPING,
+    Damping,
+    Glide,
+    damped_smoothness,
+    glide_on,
+    interpolate_pose,
+)
 
 _APART = 100_000.0  # frames between windows on the joined timeline: no tangent reaches across
 
 
 def interpolate_windows(
-    heads: Tensor, rotations: Tensor, parents: Tensor, known: Tensor, *, rate_hz: float, glide: Glide | None = None
+    heads: Tensor,
+    rotations: Tensor,
+    parents: Tensor,
+    known: Tensor,
+    *,
+    rate_hz: float,
+    glide: Glide | None = None,
+    damping: Damping = DAMPING,
 ) -> tuple[Tensor, Tensor]:
     """What the damped `interpolate_pose` makes of each window's known frames, by its own hierarchy.
 
@@ -23,7 +37,7 @@ def interpolate_windows(
         heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
         parents: (B, J), -1 for roots and unused bones, parents before children.
         known: (B, T), at least one True in every row; other frames are not read.
-        rate_hz: frames in a second; long gaps leave slerp less (`damped_smoothness`).
+        rate_hz: frames in a second; long gaps leave slerp less, as `damping` has it (`damped_smoothness`).
         glide: how to go on before the first and after the last key, in frames; None holds them.
 
     Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
@@ -38,7 +52,7 @@ def interpolate_windows(
 
     times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
     key_times = times[window, frame]
-    smooth = damped_smoothness(key_times, rate_hz)
+    smooth = damped_smoothness(key_times, rate_hz, damping)
     local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
     local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
     if glide is not None and any(glide):
