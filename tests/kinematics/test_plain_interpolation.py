@@ -9,7 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from data_schemas.errors import UsageError
-from stages.kinematics.plain_interpolation import Glide, interpolate_pose
+from stages.kinematics.plain_interpolation import Glide, damped_smoothness, interpolate_pose
 
 KEY_TIMES = torch.tensor([0.0, 3.75, 4.0, 11.0])
 
@@ -67,6 +67,22 @@ def test_cubic_has_no_kink():
                 ((rates[1] - rates[0]).norm(dim=-1).max(), (out_roots.diff(dim=0).diff(dim=0) / step).norm())
             )
         assert kinks[1][0] < 0.25 * kinks[0][0] and kinks[1][1] < 0.25 * kinks[0][1]
+
+
+def test_damping_lets_places_go_on_where_rotations_turn_straight():
+    """A body that moves and turns evenly, and stops dead at the third key: in the two seconds after it, its path keeps
+    most of the cubic's swing, its rotation nearly none."""
+    times = torch.tensor([0.0, 1.0, 61.0])
+    angles = torch.tensor([0.0, 0.02, 0.02])
+    local = roma.rotvec_to_unitquat(torch.stack([angles, 0 * angles, 0 * angles], -1))[:, None]
+    roots = torch.stack([angles, 0 * angles, 0 * angles], -1)
+    fine = torch.arange(1.0, 61.0)
+    swings = []
+    for smooth in (1.0, damped_smoothness(times, 30.0)):
+        out, places, _ = interpolate_pose(local, roots, torch.zeros(1, 3), times, fine, smooth=smooth)
+        swings.append(torch.stack([roma.unitquat_to_rotvec(out)[:, 0, 0], places[:, 0]]).amax(1) - 0.02)
+    turn, place = swings[1] / swings[0]
+    assert turn < 0.3 and place > 0.9
 
 
 def test_cubic_follows_uniform_turn_and_parabola():
