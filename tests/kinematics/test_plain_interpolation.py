@@ -70,8 +70,8 @@ def test_cubic_has_no_kink():
 
 
 def test_damping_lets_places_go_on_where_rotations_turn_straight():
-    """A body that moves and turns evenly, and stops dead at the third key: in the two seconds after it, its path keeps
-    most of the cubic's swing, its rotation nearly none."""
+    """A body that moves and turns up to a key, and is where it was two seconds later: its path keeps most of the
+    cubic's swing, its rotation little."""
     times = torch.tensor([0.0, 1.0, 61.0])
     angles = torch.tensor([0.0, 0.02, 0.02])
     local = roma.rotvec_to_unitquat(torch.stack([angles, 0 * angles, 0 * angles], -1))[:, None]
