@@ -150,14 +150,32 @@ def _levels_of(
 
 
 def _nearest_columns(apart: np.ndarray, count: int) -> np.ndarray:
-    """Columns of the `count` smallest values in every row of (N, P, P), in no order; the first of equal ones."""
+    """Columns of the `count` smallest values in every row of (N, P, P), int64, in no order; the first of equal ones.
+
+    Floats of one sign order as their bits do. Where a column takes the place of the last bits, a selected key tells
+    its column, and selecting 32 bits is twice as fast as 64. The few rows in which what is left of the bits does not
+    tell the last of the nearest from the next are selected again by all bits.
+    """
     points = apart.shape[-1]
     if count >= points:
         return np.broadcast_to(np.arange(points), apart.shape)
-    # Floats of one sign order as their bits do: with the column below the bits, a selected key tells its column.
+    last = (1 << (points - 1).bit_length()) - 1
+    keys = apart.view(np.int32) & np.int32(~last)
+    keys |= np.arange(points, dtype=np.int32)
+    keys.partition(count, axis=-1)
+    nearest = keys[..., :count]
+    columns = (nearest & last).astype(np.int64)
+    doubtful = (nearest.max(axis=-1) | last) >= keys[..., count]
+    if doubtful.any():
+        columns[doubtful] = _nearest_columns_by_all_bits(apart[doubtful], count)
+    return columns
+
+
+def _nearest_columns_by_all_bits(apart: np.ndarray, count: int) -> np.ndarray:
+    """`_nearest_columns` of rows (R, P), with the whole column below the whole value."""
     keys = apart.view(np.int32).astype(np.int64)
     keys <<= 32
-    keys |= np.arange(points)
+    keys |= np.arange(apart.shape[-1])
     keys.partition(count - 1, axis=-1)
     return keys[..., :count] & 0xFFFFFFFF
 

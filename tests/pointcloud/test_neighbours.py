@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from stages.pointcloud.neighbours import farthest_points, nearest_points, pooling_levels, squared_distances, take
+from stages.pointcloud.neighbours import (
+    _nearest_columns,
+    farthest_points,
+    nearest_points,
+    pooling_levels,
+    squared_distances,
+    take,
+)
 
 
 def plain_farthest(points: np.ndarray, count: int) -> list[int]:
@@ -86,3 +93,13 @@ def test_squared_distances_are_those_of_differences():
     first, second = torch.randn(2, 7, 3), torch.randn(2, 5, 3)
     expected = (first.unsqueeze(2) - second.unsqueeze(1)).square().sum(-1)
     torch.testing.assert_close(squared_distances(first, second), expected, atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("step", [1e-9, 1e-6, 1e-3])
+def test_neighbours_are_told_apart_by_the_last_bit_of_their_distance(step):
+    """Values that differ in bits where the search keeps columns: the smallest, and the first of equal ones."""
+    generator = np.random.default_rng(0)
+    apart = (0.5 * (1 + step * generator.integers(0, 40, (3, 50, 50)))).astype(np.float32)
+    apart[0, 0] = 0.0
+    found = np.sort(_nearest_columns(apart, 6), axis=-1)
+    np.testing.assert_array_equal(found, np.sort(np.argsort(apart, axis=-1, kind="stable")[..., :6], axis=-1))
