@@ -44,10 +44,13 @@ class ExactNorm(nn.LayerNorm):
     """Layer norm in the precision of its parameters, whatever comes in.
 
     On a CPU, autocast leaves layer norms in bfloat16, where the parameters' gradients are summed in bfloat16 too:
-    over tens of thousands of rows nearly all of the sum is lost. (On a GPU, autocast does what this does.)
+    over tens of thousands of rows nearly all of the sum is lost. (On a GPU, autocast does what this does.) Without
+    gradients nothing is lost: the kernel computes in float32 and rounds its result, as the next layer would.
     """
 
     def forward(self, input: Tensor) -> Tensor:
+        if input.device.type == "cpu" and not torch.is_grad_enabled():
+            return super().forward(input)
         return super().forward(input.to(self.weight.dtype))
 
 

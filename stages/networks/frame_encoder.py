@@ -5,6 +5,8 @@ It sees one frame at a time and every cloud by itself: no statistic crosses fram
 
 from __future__ import annotations
 
+from typing import cast
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -47,6 +49,10 @@ class NeighbourAttention(nn.Module):
         self.score = nn.Linear(width, groups)
         self.out = nn.Linear(width, width)
 
+    def used_parameters(self) -> list[nn.Parameter]:
+        """Those that the result depends on, and that gradients reach."""
+        return [each for each in self.parameters() if each is not self.score.bias]
+
     def forward(self, features: Tensor, places: Tensor, neighbours: Tensor) -> Tensor:
         """Args:
             features: (N, P, C). places: (N, P, 3) metres. neighbours: (N, P, K).
@@ -59,8 +65,10 @@ class NeighbourAttention(nn.Module):
         query, key, value = projected.chunk(3, dim=-1)
         score_place, value_place = self.place(places).view(-1, 2 * width).chunk(2, dim=-1)
         # The neighbours come first in (K, N P, C): all that follows is then long runs of memory, sums over k too.
-        minus_key = select_rows(-(key + score_place), rows)
-        weight = self.score(F.gelu((query + score_place) + minus_key)).softmax(dim=0)  # over the neighbours
+        inner = F.gelu(select_rows(-(key + score_place), rows).add_(query + score_place))
+        # Over the neighbours. The bias of `score`, the same for all of them, changes nothing, and to add it takes
+        # longer than the product; it is a parameter because checkpoints hold it, and learns nothing.
+        weight = F.linear(inner, self.score.weight).softmax(dim=0)
         # Each group's weight for all its channels, by a small product: copying them one by one is slower.
         spread = torch.eye(self.groups, dtype=weight.dtype, device=weight.device)
         spread = spread.repeat_interleave(width // self.groups, dim=1)
@@ -127,7 +135,7 @@ class FrameEncoder(nn.Module):
 
     def _block(self, block: int, features: Tensor, places: Tensor, level: Level) -> Tensor:
         """Attention, widening and, where there is one, pooling: (N, P, C) -> (N, P / 4, 2C), clouds at a time."""
-        attend, widen = self.attention[block], self.widen[block]
+        attend, widen = cast(NeighbourAttention, self.attention[block]), self.widen[block]
         neighbours = level.neighbours
 
         def run(features: Tensor, places: Tensor, neighbours: Tensor, around: Tensor | None = None) -> Tensor:
@@ -144,5 +152,5 @@ class FrameEncoder(nn.Module):
             parts.append(torch.gather(neighbours, 1, every))
         again, values = self.checkpointing, neighbours[0].numel() * features.shape[-1]
         clouds = rows_per_piece(features.device, values, checkpointing=again)
-        learnt = [*attend.parameters(), *widen.parameters()]
+        learnt = [*attend.used_parameters(), *widen.parameters()]
         return in_pieces(run, clouds, parts, learnt, checkpointing=again)

@@ -1,5 +1,7 @@
 """Attention over time: rotary positions are true rotations, masks leak nothing."""
 
+from collections.abc import Callable
+
 import pytest
 import torch
 from torch.nn import functional as F
@@ -77,7 +79,9 @@ def masks(kind: str, dtype: torch.dtype) -> torch.Tensor | None:
 def test_attention_and_its_gradients_are_as_near_to_the_exact_as_the_fused_kernel(kind: str, dtype: torch.dtype):
     """Against float64 on the same rounded inputs: bfloat16's error is no more than twice the fused kernel's."""
 
-    def values_and_gradients(run, inputs, mask) -> list[torch.Tensor]:
+    def values_and_gradients(
+        run: Callable[..., torch.Tensor], inputs: list[torch.Tensor], mask: torch.Tensor | None
+    ) -> list[torch.Tensor]:
         made = run(*inputs, mask)
         weights = torch.linspace(-1, 1, made.numel(), dtype=made.dtype).view(made.shape)
         return [each.double() for each in (made, *torch.autograd.grad((made * weights).sum(), inputs))]
@@ -91,8 +95,11 @@ def test_attention_and_its_gradients_are_as_near_to_the_exact_as_the_fused_kerne
     rounding = {torch.float32: 1e-6, torch.bfloat16: 8e-3}[dtype]
     for true, one, two in zip(exact, fused, ours, strict=True):
         assert (two - true).norm() < max(2 * (one - true).norm(), rounding * true.norm())
+    query, key, value = inputs
     with torch.no_grad():
-        torch.testing.assert_close(attend(*inputs, mask).double(), exact[0], atol=2 * rounding, rtol=2 * rounding)
+        torch.testing.assert_close(
+            attend(query, key, value, mask).double(), exact[0], atol=2 * rounding, rtol=2 * rounding
+        )
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])

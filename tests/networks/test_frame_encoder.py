@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from torch import nn
 from torch.nn import functional as F
 
 from stages.networks.frame_encoder import FrameEncoder, NeighbourAttention, within_group
@@ -75,6 +76,17 @@ def test_neighbour_attention_agrees_with_the_sum_written_out():
         values = (value[near] + apart @ by_value.T).view(3, 2, 4)
         expected = features[0, point] + layer.out((values * scores.unsqueeze(-1)).sum(0).flatten())
         torch.testing.assert_close(layer(features, places, neighbours)[0, point], expected, atol=1e-5, rtol=1e-4)
+
+
+def test_a_constant_in_all_scores_changes_nothing_and_learns_nothing():
+    layer = NeighbourAttention(8, 2)
+    inputs = torch.randn(2, 6, 8), torch.randn(2, 6, 3), torch.arange(6).expand(2, 6, 6)
+    made = layer(*inputs)
+    nn.init.normal_(layer.score.bias)
+    assert torch.equal(layer(*inputs), made)
+    made.square().sum().backward()
+    without = {name for name, each in layer.named_parameters() if each.grad is None}
+    assert without == {"score.bias"} and len(layer.used_parameters()) == len(list(layer.parameters())) - 1
 
 
 def test_more_than_one_neighbour_matters(encoder):
