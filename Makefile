@@ -12,6 +12,8 @@
 #                  optional: RUN (pcmrl), PRESET (pcmrl), SET='train-citl.steps=20000', another RUN for other settings
 # make pretrain    weights from the archives, in slices: RECIPE=small|small-free SLICE=9 (minutes; 0 to the end); again
 #                  goes on; docs/pretraining.md. Its parts: pretrain-data, pretrain-measure, pretrain-bundle TO=folder
+# make held-out    weights on whole archives that they never saw, with feel; HELD_OUT_WEIGHTS=small-free
+#                  HELD_OUT_WINDOWS=40 (for each archive and task); DATA names other recordings
 # make rig-report  the same tables' rig networks on the rigs' own test motions, beside the truth
 # make retarget-report  motions on other rigs, how near hands and feet come to their places
 # make test        linters, types, import directions, tests
@@ -57,10 +59,13 @@ SPLITS ?= $(firstword $(wildcard $(addsuffix /splits.json,$(DATA)) $(addsuffix s
 
 SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weights/*/ae/manifest.json))
 
+EMPTY :=
+SPACE := $(EMPTY) $(EMPTY)
+
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
+.PHONY: held-out held-out-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -267,6 +272,28 @@ pretrain-measure:
 pretrain-bundle:
 	@mkdir -p '$(TO)' && rm -f '$(TO)'/$(RECIPE).tar.* && tar -C $(R)/packed -cf - $(RECIPE) | split -b 15m - '$(TO)/$(RECIPE).tar.'
 	@ls -l '$(TO)'
+
+# ---- skeletons held out of training ----------------------------------------------------------------------------
+
+# Of all archives at hand, those that no weights named here were trained on, with all their clips. Interpolation and
+# transitions: predictions are not what the weights are for. Where there is no archive, the embedded clips serve.
+HELD_OUT_WEIGHTS ?= $(firstword $(foreach each,small-free small tiny,$(filter $(each),$(SHIPPED))))
+HELD_OUT_WINDOWS ?= 40
+HELD_OUT_DATA    ?= $(foreach name,bandai-namco-1 bandai-namco-2 cmu-dance cmu-asfamc lafan1-g1,$(SHARED_DATA)/$(name).zip)
+HELD_OUT_AT := evaluate-$(subst $(SPACE),-,$(notdir $(HELD_OUT_WEIGHTS)))-$(HELD_OUT_WINDOWS)
+
+held-out: install
+	@$(MAKE) --no-print-directory held-out-measured RUN='$(call unless_given,RUN,held-out)' \
+	  DATA='$(or $(DATA),$(wildcard $(HELD_OUT_DATA)) stages/clips)' \
+	  FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
+
+held-out-measured: configure
+	@$(MAKE) --no-print-directory $(R)/$(HELD_OUT_AT)/manifest.json
+	@$(PUMPS) results $(R)/$(HELD_OUT_AT)
+
+$(R)/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/weights/$(each)/*/manifest.json))
+	$(PUMPS) evaluate --config $< --motion $(R)/ingest --unseen --tasks interpolation --tasks transition \
+	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
 
 # ---- any cloud to any skeleton ---------------------------------------------------------------------------------
 

@@ -26,6 +26,9 @@ class Config(DeviceConfig):
     predictions: tuple[int, ...] = Field((15, 30), description="Last frames to predict.")
     window: int = Field(121, description="Frames in a window of interpolation and prediction.", ge=4)
     splits: tuple[str, ...] = Field(("test",), description="Which splits are measured.")
+    unseen: bool = Field(
+        False, description="All clips of the archives that none of the weights name as training data, and no others."
+    )
     where: str | None = Field(None, description="Which clips of these: an expression of their index, 'not t_pose'.")
     max_windows: int = Field(
         0, description="Windows for each archive and task, spread evenly over its clips; 0 for all.", ge=0

@@ -39,19 +39,42 @@ class WindowBatch:
         return Poses.of(self.skeleton, list(self.motions))
 
 
+def was_trained_on(row: ClipRow, trained_on: Sequence[str]) -> bool:
+    """Whether one of the lines that checkpoints keep of their data names the clip's archive. One that names loose
+    files may mean any folder, so all clips of folders count as seen."""
+    sources = {name.strip() for line in trained_on for name in line.rpartition(" from ")[2].split(",")}
+    if "!" not in row.source:
+        return "loose files" in sources
+    return archive_of(row) in {name.removesuffix(".zip") for name in sources}
+
+
 class MeasuredClips:
     """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured.
 
     An archive of which no clip was trained on is measured on all its clips, where the test split is wanted.
+    `trained_on`, lines that name archives: all clips of the others are measured, whatever their split.
     """
 
-    def __init__(self, reader: MotionReader, splits: Sequence[str], where: str | None = None):
+    def __init__(
+        self,
+        reader: MotionReader,
+        splits: Sequence[str],
+        where: str | None = None,
+        trained_on: Sequence[str] | None = None,
+    ):
         self._reader = reader
         self._cache: dict[str, Motion] = {}
         trained = {archive_of(row) for row in reader.clips if row.split == "train"}
         held_out = {archive_of(row) for row in reader.clips} - trained if "test" in splits else set()
         chosen = clips_where(reader.clips, where)
         rows = [row for row in chosen if row.split in splits or archive_of(row) in held_out]
+        if trained_on is not None:
+            rows = [row for row in chosen if not was_trained_on(row, trained_on)]
+            if not rows:
+                raise InputError(
+                    f"The weights were trained on clips of every archive in {reader.artefact.path}.",
+                    "Give weights that were not, other recordings, or leave --unseen away.",
+                )
         if not rows:
             found = ", ".join(f"{count} {split}" for split, count in Counter(r.split for r in chosen).items())
             raise InputError(

@@ -10,7 +10,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from data_schemas.errors import UsageError
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
 from stages.evaluate.config import Config
@@ -60,6 +61,16 @@ class LoadedWeights:
         """The checkpoints that the weights lie in."""
         folder = weights_folder(self.source)
         return [folder / part for part in PARTS if (folder / part / MANIFEST_NAME).is_file()]
+
+    def trained_on(self) -> list[str]:
+        """What its networks say that they were trained on, a line each. Raises InputError where one says nothing."""
+        lines = [str(read_checkpoint(p, optimiser=False).config.get("trained_on", "")) for p in self.artefacts()]
+        if not all(" from " in line for line in lines):
+            raise InputError(
+                f"The weights {self.name} do not say what they were trained on.",
+                "Leave --unseen away, and choose the clips with --where.",
+            )
+        return lines
 
 
 def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list[Method]:

@@ -77,9 +77,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     motion = open_artefact(config.motion, "motion")
     with MotionReader(motion) as reader:
-        clips = MeasuredClips(reader, config.splits, config.where)
-        plan = _plan(clips, config)
         loaded = load_all(config)
+        trained_on = [line for weights in loaded for line in weights.trained_on()] if config.unseen else None
+        clips = MeasuredClips(reader, config.splits, config.where, trained_on)
+        plan = _plan(clips, config)
         statistics = _Statistics(clips)
         total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
         progress.start("Filling windows", total)

@@ -31,7 +31,7 @@ def summary_md(
     methods = dict.fromkeys(row.method for row in rows)
     parts = [
         "# Evaluation\n",
-        f"{len({row.clip for row in rows})} clips ({', '.join(config.splits)} split) of the motion artefact "
+        f"{len({row.clip for row in rows})} clips ({_clips_text(config)}) of the motion artefact "
         f"`{motion.manifest.digest[:16]}`, at 30 frames a second; skeletons: {len({r.skeleton for r in rows})}; "
         f"{_windows_text(config)}; seed {config.seed}; protocol `{config.protocol}` (docs/evaluation.md defines "
         "every figure).\n",
@@ -47,6 +47,12 @@ def summary_md(
     return "\n".join(parts)
 
 
+def _clips_text(config: Config) -> str:
+    if config.unseen:
+        return "all clips of archives that none of the weights were trained on"
+    return f"{', '.join(config.splits)} split"
+
+
 def _windows_text(config: Config) -> str:
     if not config.max_windows:
         return "all windows"
@@ -54,7 +60,9 @@ def _windows_text(config: Config) -> str:
 
 
 def _method_notes(methods: list[str], loaded: list[LoadedWeights]) -> Iterator[str]:
-    notes = [f"- `{w.name}`: weights `{w.source}`." for w in loaded]
+    notes = [
+        f"- `{w.name}`: weights `{w.source}`, trained on {w.models.trained_on or 'no one says'}." for w in loaded
+    ]
     if any(method.endswith(RECONSTRUCTED) for method in methods):
         notes.append(
             f"- `…{RECONSTRUCTED}`: the solve on the autoencoder's reconstruction of the true cloud, nothing masked: "

@@ -149,6 +149,28 @@ def test_weights_are_methods_and_inputs(motions: Path, tmp_path: Path) -> None:
     ]
 
 
+def test_archives_that_weights_were_trained_on_are_left_out(motions: Path, tmp_path: Path) -> None:
+    line = "3 clips, 0.10 hours, 1 skeletons, from {}"
+    for name, source in (("zip", "set-1.zip"), ("loose", "loose files"), ("both", "loose files, set-1.zip")):
+        write_random_weights(tmp_path / name, trained_on=line.format(source))
+    write_random_weights(tmp_path / "silent")
+    only = {"tasks": ("interpolation",), "intervals": (30,), "points": 32, "unseen": True}
+
+    def clips(*names: str) -> set[str]:
+        weights = tuple(f"{name}={tmp_path / name}" for name in names)
+        run(Config(motion=motions, output=tmp_path / "m", weights=weights, **only))
+        return {row.clip for row in read_metrics(tmp_path / "m")[0]}
+
+    assert clips("zip") == {"fast", "other"}
+    assert clips("loose") == {"one", "two", "brief", "seen"}  # every split, all that is long enough
+    assert "all clips of archives that none of the weights were trained on" in read_metrics(tmp_path / "m")[1]
+    for names in (("both",), ("zip", "loose")):
+        with pytest.raises(InputError, match="trained on clips of every archive"):
+            clips(*names)
+    with pytest.raises(InputError, match="silent do not say what they were trained on"):
+        clips("silent")
+
+
 def test_the_lafan1_protocol_names_its_own_figures(motions: Path, tmp_path: Path) -> None:
     only = {"tasks": ("transition",), "transitions": (5, 15)}
     config = Config(motion=motions, output=tmp_path / "m", protocol="lafan1", **only)

@@ -80,7 +80,7 @@ def swinging(skeleton: Skeleton, frames: int, fps: float = 30.0, seed: int = 0) 
     return Motion(rotations.astype(np.float32), still.astype(np.float32), fps, joint, tracks)
 
 
-def write_random_weights(folder: Path, seed: int = 0) -> Path:
+def write_random_weights(folder: Path, seed: int = 0, trained_on: str = "nothing") -> Path:
     """Folder with `ae` and `lms` whose networks are tiny and random: results mean nothing and repeat exactly."""
     torch.manual_seed(seed)
     encoder_sizes = EncoderSizes(width=8, blocks=2, neighbours=4, heads=2)
@@ -95,13 +95,13 @@ def write_random_weights(folder: Path, seed: int = 0) -> Path:
     both = {f"encoder.{k}": v for k, v in encoder.state_dict().items()}
     both |= {f"decoder.{k}": v for k, v in decoder.state_dict().items()}
     ae = {"network": "autoencoder", "encoder": encoder_sizes.model_dump(), "decoder": decoder_sizes.model_dump()}
-    _write(folder / "ae", both, {**ae, "window": 64, "points": 32, "trained_on": "nothing"})
+    _write(folder / "ae", both, {**ae, "window": 64, "points": 32, "trained_on": trained_on})
     digest = open_artefact(folder / "ae").manifest.digest
     lms = {"network": "synthesiser", "synthesiser": synthesiser_sizes.model_dump(), "encoder_digest": digest}
     _write(
         folder / "lms",
         synthesiser.state_dict(),
-        {**lms, "window": 64, "points": 32, "longest_gap": 32, "trained_on": "nothing"},
+        {**lms, "window": 64, "points": 32, "longest_gap": 32, "trained_on": trained_on},
     )
     return folder
 

@@ -43,6 +43,14 @@ def test_a_table_that_was_cut_off_goes_on_where_it_was(table: Run):
     assert table.make() == ["measure-ae"]
 
 
+def test_weights_are_measured_on_archives_that_they_never_saw(tmp_path: Path):
+    report = Table(tmp_path)
+    report.target = "held-out-measured"
+    assert report.make() == ["ingest", "evaluate"]
+    assert report.make() == []
+    assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
+
+
 def test_the_latent_report_needs_recordings_alone(tmp_path: Path):
     report = Table(tmp_path)
     report.target = "latents"
