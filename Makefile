@@ -454,5 +454,5 @@ retarget-report: install-dev
 	  'embedded=stages/clips/run.bvh') --page docs/results.md
 
 bench-train: install-dev
-	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \
+	OMP_WAIT_POLICY=$${OMP_WAIT_POLICY:-passive} $(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \
 	  --preset $(if $(filter command environment,$(origin PRESET)),$(PRESET),paper) --page docs/performance.md

@@ -1,11 +1,12 @@
 """Time training steps at the sizes of a preset, beside what the machine can do and what the authors' code took.
 
     make bench-train [PRESET=paper] [BATCH=2] [DEVICE=cuda] [AUTHORS=adapter.py]
-    python benchmarks/training_step.py [--json] [--rounds 5] [--page docs/performance.md] [--compile]
+    python benchmarks/training_step.py [--json] [--rounds 3] [--page docs/performance.md] [--compile]
 
 All cases are built in one process and timed in turn, round after round, with a matrix product in every round: the
 least of the rounds is what the step costs, and its ratio to the product holds also where other work shares the
-machine. Memory is taken in a fresh process for each case.
+machine. One more step of each case is counted, and two are taken in a fresh process for their peak memory. What is
+going on is told on standard error.
 
 AUTHORS is a Python file with `make_step(sequences, frames, points, layers)`, which returns a function that takes one
 training step of another implementation (the released PUMPS code, say, which does not run as it is; whoever has
@@ -17,18 +18,20 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import runpy
 import statistics
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
+from multiprocessing import get_all_start_methods, get_context
 from pathlib import Path
 from typing import Any
 
 import torch
-from measuring.counting import share_in_products, waits_in, work_of
+from measuring.counting import Work, waits_in, work_of
 from measuring.machine import cpu_and_wall_s, limits, name_of, resident_mb, seconds_of
 from measuring.page import report, write_page
 from measuring.steps import Load, autoencoder_step, encoder_forward, synthesiser_step
@@ -120,6 +123,7 @@ def peak_mb(case: Case, preset: str, load: Load, threads: int) -> float:
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     """All figures, by name."""
+    began = time.perf_counter()
     device = choose_device(options.device)
     ae, lms = settings_of(options.preset)
     load = Load(options.batch or ae.batch, ae.window, ae.points, device)
@@ -129,44 +133,64 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         make_step = runpy.run_path(options.authors)["make_step"]
         for layers in sorted({case.layers for case in cases if case.layers}):
             steps[f"authors, {layers} layers"] = make_step(load.sequences, load.frames, load.points, layers)
+    _tell(began, f"{len(steps)} cases built")
     first = {name: seconds_of(step, device) for name, step in steps.items()}  # warm-up; with --compile, compilation
+    _tell(began, "warm")
     meters = limits(device)
     seconds: dict[str, list[float]] = {name: [] for name in steps}
     cpu_seconds: dict[str, list[float]] = {name: [] for name in steps}
     rates: dict[str, list[float]] = {name: [] for name in meters}
-    for _ in range(options.rounds):
+    for done in range(options.rounds):
         for name, meter in meters.items():
             rates[name].append(meter())
         for name, step in steps.items():
             spent, took = cpu_and_wall_s(step, device)
             cpu_seconds[name].append(spent)
             seconds[name].append(took)
+        _tell(began, f"round {done + 1} of {options.rounds}")
     rows = []
     for case in cases:
-        step, times = steps[case.name], seconds[case.name]
-        gflop, gb = (None, None) if case.compiled else work_of(step)
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as fresh:
-            memory = fresh.submit(peak_mb, case, options.preset, load, torch.get_num_threads()).result()
-        share, largest = share_in_products(step, device)
+        step, times = steps.pop(case.name), seconds[case.name]
+        work = None if case.compiled else work_of(step, device)
         row = {"name": case.name, **asdict(case), "first_s": first[case.name], "least_s": min(times)}
-        row |= {"median_s": statistics.median(times)}
-        row |= {"least_cpu_s": min(cpu_seconds[case.name]), "gflop": gflop, "gb": gb, "peak_mb": memory}
-        row |= {"share_in_products": share, "largest": largest, "waits": waits_in(step, device)}
-        rows.append(row | {"authors_s": _authors_s(case, load, seconds)})
+        row |= {"median_s": statistics.median(times), "least_cpu_s": min(cpu_seconds[case.name])}
+        row |= asdict(work) if work else dict.fromkeys(Work.__dataclass_fields__)
+        row |= {"waits": waits_in(step, device), "authors_s": _authors_s(case, load, seconds)}
+        rows.append(row)
+    _tell(began, "counted")
+    for case, row in zip(cases, rows, strict=True):
+        row["peak_mb"] = _in_a_fresh_process(case, options.preset, load)
+    _tell(began, "memory taken")
     return {
         "preset": options.preset,
         "device": device.type,
         "machine": name_of(device),
         "threads": torch.get_num_threads(),
+        "wait_policy": os.environ.get("OMP_WAIT_POLICY", ""),
         "torch": torch.__version__,
         "sequences": load.sequences,
         "frames": load.frames,
         "points": load.points,
         "rounds": options.rounds,
+        "seconds": time.perf_counter() - began,
         "limits": {name: max(values) for name, values in rates.items()},
         "authors_measured_here": bool(options.authors),
         "cases": rows,
     }
+
+
+def _in_a_fresh_process(case: Case, preset: str, load: Load) -> float:
+    """`peak_mb` in a process that has loaded PyTorch and computed nothing."""
+    cheap = "forkserver" in get_all_start_methods() and load.device.type == "cpu"
+    context = get_context("forkserver" if cheap else "spawn")
+    if cheap:
+        context.set_forkserver_preload(["torch"])  # once, and not for every case
+    with ProcessPoolExecutor(1, mp_context=context) as fresh:
+        return fresh.submit(peak_mb, case, preset, load, torch.get_num_threads()).result()
+
+
+def _tell(began: float, what: str) -> None:
+    print(f"{time.perf_counter() - began:6.1f} s  {what}", file=sys.stderr, flush=True)
 
 
 def _authors_s(case: Case, load: Load, seconds: dict[str, list[float]]) -> float | None:
@@ -184,7 +208,7 @@ def main() -> None:
     parser.add_argument("--preset", default="paper")
     parser.add_argument("--batch", type=int, default=2, help="sequences in a step; 0 for the preset's own")
     parser.add_argument("--device", default="cpu")
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--authors", default="", help="a Python file with make_step (see above)")
     parser.add_argument("--compile", action="store_true", help="one more case, with torch.compile")
     parser.add_argument("--json", action="store_true", help="one line of numbers")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -14,16 +16,37 @@ _PRODUCTS = ("mm", "linear", "attention", "convolution")
 _PRODUCT_KERNELS = ("gemm", "gemv", "cutlass", "cublas", "flash", "fmha", "attention", "nvjet", "xmma", "cudnn")
 
 
-class _Counter(TorchDispatchMode):
-    """Floating-point operations of products and attention, and bytes that operations read and write (inputs and
-    results, views left out). It sees operations alone, so also those of a backward pass within another."""
+@dataclass(frozen=True)
+class Work:
+    """What one call does.
 
-    flop = 0
-    bytes = 0
+    gflop: floating-point operations of products and attention, recomputation and backward pass included, 1e9.
+    gb: what all operations read and write, views left out, 1e9 bytes.
+    in_products: share of the operations' time that products and attention take.
+    largest: the eight operations that take longest, with their shares of that time.
+    """
+
+    gflop: float
+    gb: float
+    in_products: float
+    largest: list[tuple[str, float]]
+
+
+class _Counter(TorchDispatchMode):
+    """Counts operations as they are called, so also those of a backward pass within another; and on a CPU, where an
+    operation is done when its call returns, their seconds by name."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.flop, self.bytes = 0, 0
+        self.seconds: dict[str, float] = {}
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
+        began = time.perf_counter()
         result = func(*args, **kwargs)
+        name = str(func._overloadpacket)
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
         if not func.is_view:
             self.bytes += _bytes(args) + _bytes(result)
         if func._overloadpacket in flop_registry:
@@ -41,33 +64,25 @@ def _bytes(value: Any) -> int:
     return sum(_bytes(each) for each in value) if isinstance(value, (list, tuple)) else 0
 
 
-def work_of(run: Callable[[], object]) -> tuple[float, float]:
-    """GFLOP of the matrix and attention operations, and GB that all operations read and write, recomputation and
-    backward pass included."""
+def work_of(run: Callable[[], object], device: torch.device) -> Work:
+    """Count one call of `run`; on a GPU another is profiled, since there only the device knows its seconds."""
     with _Counter() as counter:
         run()
-    return counter.flop / 1e9, counter.bytes / 1e9
+    seconds = _kernel_seconds(run, device) if device.type == "cuda" else counter.seconds
+    marks = _PRODUCT_KERNELS if device.type == "cuda" else _PRODUCTS
+    total = sum(seconds.values()) or 1.0
+    in_products = sum(spent for name, spent in seconds.items() if any(mark in name.lower() for mark in marks))
+    largest = sorted(seconds.items(), key=lambda item: -item[1])[:8]
+    shares = [(name, spent / total) for name, spent in largest]
+    return Work(counter.flop / 1e9, counter.bytes / 1e9, in_products / total, shares)
 
 
-def share_in_products(run: Callable[[], object], device: torch.device) -> tuple[float, list[tuple[str, float]]]:
-    """Share of the time that goes to matrix and attention kernels, and the eight largest kernels with their shares;
-    of the GPU's time on a GPU, of the processor's on a CPU."""
-    on_gpu = device.type == "cuda"
-    activities = [torch.profiler.ProfilerActivity.CUDA if on_gpu else torch.profiler.ProfilerActivity.CPU]
-    with torch.profiler.profile(activities=activities) as profile:
+def _kernel_seconds(run: Callable[[], object], device: torch.device) -> dict[str, float]:
+    """Seconds of the GPU's kernels by name."""
+    with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CUDA]) as profile:
         run()
-        if on_gpu:
-            torch.cuda.synchronize(device)
-    times: dict[str, float] = {}
-    for event in profile.key_averages():
-        spent = event.self_device_time_total if on_gpu else event.self_cpu_time_total
-        if on_gpu or event.key.startswith("aten::"):
-            times[event.key] = times.get(event.key, 0.0) + spent
-    total = sum(times.values()) or 1.0
-    marks = _PRODUCT_KERNELS if on_gpu else _PRODUCTS
-    in_products = sum(spent for name, spent in times.items() if any(mark in name.lower() for mark in marks))
-    largest = sorted(times.items(), key=lambda item: -item[1])[:8]
-    return in_products / total, [(name, spent / total) for name, spent in largest]
+        torch.cuda.synchronize(device)
+    return {event.key: event.self_device_time_total / 1e6 for event in profile.key_averages()}
 
 
 def waits_in(run: Callable[[], object], device: torch.device) -> list[str] | None:

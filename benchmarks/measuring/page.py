@@ -15,7 +15,8 @@ def report(figures: dict[str, Any]) -> str:
         f"`{figures['preset']}`: {figures['sequences']} sequences of {figures['frames']} frames of "
         f"{figures['points']} points. {figures['machine']}, "
         + ("" if gpu else f"{figures['threads']} threads, ")
-        + f"PyTorch {figures['torch']}; the least of {figures['rounds']} rounds.",
+        + f"PyTorch {figures['torch']}; the least of {figures['rounds']} rounds, "
+        f"{figures['seconds']:.0f} s for the whole benchmark.",
         "",
         "| measured in the same rounds | |",
         "|---|---:|",
@@ -40,7 +41,7 @@ def _row(case: dict[str, Any]) -> str:
     cells += [f"{authors:.2f}", f"{authors / seconds:.1f}x"] if authors else ["", ""]
     counted = case["gflop"]
     cells += [f"{counted:.0f}", f"{case['gb']:.1f}", f"{counted / seconds:.0f}"] if counted else ["", "", ""]
-    cells += [f"{100 * case['share_in_products']:.0f} %", f"{case['peak_mb']:.0f}"]
+    cells += [f"{100 * case['in_products']:.0f} %" if counted else "", f"{case['peak_mb']:.0f}"]
     return f"| {' | '.join(cells)} |"
 
 
