@@ -321,15 +321,21 @@ solve-played: configure
 SOLVE_MADE = $(patsubst $(R)/solve-made/%/manifest.json,%,$(wildcard $(R)/solve-made/*/*/manifest.json))
 solve-page:
 	$(PUMPS) report --title 'Any cloud to any skeleton' --no-slerp --keyframes every:30 \
-	  $(foreach each,$(filter %/truth,$(SOLVE_MADE)) $(filter-out %/truth,$(SOLVE_MADE)),--motions '$(each)=$(R)/solve-made/$(each)') \
-	  -o $(R)/solve.html
+	  $(foreach each,$(foreach name,truth slerp solve,$(filter %/$(name),$(SOLVE_MADE))) $(filter-out %/truth %/slerp %/solve,$(SOLVE_MADE)),--motions '$(each)=$(R)/solve-made/$(each)') \
+	  --metrics $(R)/solve-few -o $(R)/solve.html
 
-$(R)/solve-few/manifest.json: $(R)/ingest/manifest.json
+# Written only where they change, so that other networks or clips are measured anew.
+$(R)/solve-settings.txt: always
+	@mkdir -p $(@D)
+	@echo '$(SOLVE_CLIPS) $(SOLVE_NETWORKS)' | cmp -s - $@ || echo '$(SOLVE_CLIPS) $(SOLVE_NETWORKS)' > $@
+.PHONY: always
+
+$(R)/solve-few/manifest.json: $(R)/ingest/manifest.json $(R)/solve-settings.txt
 	$(PUMPS) measure solve --motion $(R)/ingest --conditions true --intervals 30 --clips 2 --made $(R)/solve-made \
 	  $(foreach each,$(SOLVE_NETWORKS),--networks '$(each)') -o $(@D) \
 	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
 
-$(R)/measure-solve/manifest.json: $(R)/ingest/manifest.json
+$(R)/measure-solve/manifest.json: $(R)/ingest/manifest.json $(R)/solve-settings.txt
 	$(PUMPS) measure solve --motion $(R)/ingest --clips $(SOLVE_CLIPS) -o $(@D) \
 	  $(foreach each,$(SOLVE_NETWORKS),--networks '$(each)') \
 	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)

@@ -33,7 +33,8 @@ def keep_motions(
 ) -> list[Path]:
     """Write FOLDER/ARCHIVE/METHOD, a motion artefact each, and FOLDER/ARCHIVE/truth; what was written.
 
-    A method that cannot move an archive's rig has none there.
+    A method that cannot move an archive's rig has none there. Spaces in names become dashes, since `make` would take
+    them for two files.
     """
     written = []
     for archive, rows in clips.items():
@@ -49,7 +50,7 @@ def keep_motions(
                     made.setdefault(method.name, []).append((kept, found))
         for name, motions in made.items():
             if len(motions) == len(rows):
-                written.append(_write(reader, motions, folder / archive / name, config, inputs))
+                written.append(_write(reader, motions, folder / archive / name.replace(" ", "-"), config, inputs))
     return written
 
 

@@ -46,9 +46,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         script=_text("view3d.js") + _text("player.js"),
         player=_text("player.html") if scenes else "",
         scenes=_safe_json(scenes),
-        results=markdown_html(read_metrics(metrics)[1]) if metrics else "<p>No metrics were given.</p>",
+        results=f'<section id="results"><h2>Results</h2>{markdown_html(read_metrics(metrics)[1])}</section>'
+        if metrics
+        else "",
         training="".join(_training(checkpoint) for checkpoint in checkpoints),
-        origin=_origin([artefact for artefact in (metrics, *checkpoints) if artefact]),
+        origin=_origin([artefact for artefact in (metrics, *checkpoints) if artefact], _played(config)),
     )
     progress.advance(1, "page")
     write_whole(config.output, page.encode("utf-8"))
@@ -69,8 +71,14 @@ def _training(artefact: Artefact) -> str:
     return f"<section><h2>Training: {name}</h2><p>{told}</p>{curves_html(log)}</section>"
 
 
-def _origin(artefacts: list[Artefact]) -> str:
-    licences = sorted({licence for artefact in artefacts for licence in artefact.manifest.licences})
+def _played(config: Config) -> list[Artefact]:
+    """The motion artefacts that are played."""
+    paths = [Path(text.partition("=")[2]) for text in config.motions]
+    return [open_artefact(path, "motion") for path in paths if path.is_dir()]
+
+
+def _origin(artefacts: list[Artefact], played: list[Artefact], told: tuple[str, ...]) -> str:
+    licences = {licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences}
     rows = []
     for artefact in artefacts:
         manifest = artefact.manifest
@@ -79,6 +87,9 @@ def _origin(artefacts: list[Artefact]) -> str:
             f"<code>{manifest.digest[:16]}</code>, written by {html.escape(manifest.created_by)} "
             f"({html.escape(manifest.stage)})</dd>"
         )
+    if played:
+        stages = ", ".join(sorted({artefact.manifest.stage for artefact in played}))
+        rows.append(f"<dt>Motions</dt><dd>{len(played)} motion artefacts, written by {html.escape(stages)}</dd>")
     rows += [f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>" for licence in licences]
     return f"<dl>{''.join(rows)}</dl>" if rows else "<p>Only motions were given.</p>"
 

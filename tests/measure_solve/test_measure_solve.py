@@ -16,6 +16,8 @@ from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
 from stages.measure_solve.conditions import TRUE, conditions_of, known_every
 from stages.measure_solve.config import CONDITIONS, Config
+from stages.measure_solve.kept import keep_motions
+from stages.measure_solve.methods import Method
 from stages.measure_solve.rigs import Rigged
 from stages.measure_solve.run import run
 from tests.inference.examples import humanoid, swinging
@@ -94,6 +96,15 @@ def test_what_cannot_be_is_refused(motions: Path, tmp_path: Path):
     with pytest.raises(UsageError, match="NAME=FOLDER"):
         run(Config(motion=motions, output=tmp_path / "x", networks=("slerp=somewhere",)))
     assert CONDITIONS[0] == "true"
+
+
+def test_folders_of_kept_motions_have_names_that_make_can_take(motions: Path, tmp_path: Path):
+    config = Config(motion=motions, output=tmp_path / "m", conditions=("true",), points=64, condition_seconds=1.6)
+    stands = Method("network and solve", lambda case: case.motion)
+    with MotionReader(motions) as reader:
+        row = reader.clips[0]
+        keep_motions(reader, {"clips": [row]}, conditions_of(config)[0], [stands], config, tmp_path / "made", [])
+    assert sorted(path.name for path in (tmp_path / "made" / "clips").iterdir()) == ["network-and-solve", "truth"]
 
 
 def test_kept_motions_can_be_played(motions: Path, tmp_path: Path):

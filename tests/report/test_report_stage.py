@@ -185,7 +185,7 @@ def test_artefacts_give_a_scene_for_each_shared_clip(tmp_path: Path) -> None:
     still = np.tile(np.array([0, 0, 0, 1], np.float32), (50, 2, 1))
     for folder, clips in (("truth", "abc"), ("made", "bc")):
         with (
-            write_artefact(tmp_path / folder, "motion", stage="ingest", config={}) as draft,
+            write_artefact(tmp_path / folder, "motion", stage="ingest", config={}, licences=["CC <NC>"]) as draft,
             MotionWriter(draft.folder) as writer,
         ):
             name = writer.add_skeleton(skeleton)
@@ -194,7 +194,9 @@ def test_artefacts_give_a_scene_for_each_shared_clip(tmp_path: Path) -> None:
                 writer.add_clip(row, Motion(still, np.zeros((50, 3), np.float32), 30.0))
     both = (f"truth={tmp_path / 'truth'}", f"made={tmp_path / 'made'}")
     run(Config(motions=both, output=tmp_path / "r.html", slerp=False, max_seconds=1))
-    _, scenes, _ = parsed(tmp_path / "r.html")
+    _, scenes, text = parsed(tmp_path / "r.html")
+    assert "2 motion artefacts, written by ingest" in text and "CC &lt;NC&gt;" in text  # where they come from
+    assert 'id="results"' not in text
     assert [scene["name"] for scene in scenes] == ["b", "c"]
     assert [m["name"] for m in scenes[0]["motions"]] == ["truth", "made"]
     assert scenes[0]["motions"][0]["frames"] == 31
@@ -263,7 +265,7 @@ def test_the_player_starts_in_a_browser(made: Path, tmp_path: Path) -> None:
     )
     assert "<b>15</b> of 40" in done.stdout
     assert "<em>keyframe</em>" in done.stdout
-    assert "slerp" in done.stdout and "PUMPS 0 mm" in done.stdout
+    assert "slerp" in done.stdout and "PUMPS 0.0 mm" in done.stdout
 
 
 def test_named_clip_rows_survive(made: Path, tmp_path: Path) -> None:

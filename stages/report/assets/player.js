@@ -4,6 +4,9 @@
 const byId = (id) => document.getElementById(id);
 const MOTION_COLOURS = ["--truth", "--second", "--third", "--fourth", "--fifth"];
 
+// Millimetres, with a tenth where they are few.
+const millimetres = (value) => `${value.toFixed(value < 9.95 ? 1 : 0)} mm`;
+
 class MotionData {
   constructor(raw) {
     Object.assign(this, raw);
@@ -63,13 +66,14 @@ class Player {
     this.camera.target = [0, this.scene.floor + 0.52 * this.scene.height, 0];
     this.camera.distance = 2.1 * this.scene.size;
     this.time = 0;
+    byId("stage").classList.toggle("two-rows", raw.motions.length > 4);
     byId("legend").innerHTML = "";
     this.scene.motions.forEach((m, i) => {
       const item = document.createElement("span");
       item.innerHTML = `<i style="background:var(${MOTION_COLOURS[i % 5]})"></i>`;
       item.append(m.name);
       const errors = i ? this.errors[i - 1] : null;
-      if (errors) item.append(` ${(errors.reduce((a, b) => a + b, 0) / errors.length).toFixed(0)} mm`);
+      if (errors) item.append(` ${millimetres(errors.reduce((a, b) => a + b, 0) / errors.length)}`);
       if (errors) item.title = `mean distance of the joints from ${first.name}`;
       byId("legend").append(item);
     });
@@ -199,8 +203,8 @@ class Player {
 
   drawView(colours) {
     const { ctx, width, height } = fitted(this.canvas), motions = this.scene.motions;
-    const columns = this.options.overlay ? 1 : Math.min(motions.length, width < 700 ? 2 : 4);
-    const rows = this.options.overlay ? 1 : Math.ceil(motions.length / columns);
+    const most = this.options.overlay ? motions.length : width < 700 ? 2 : 4, rows = Math.ceil(motions.length / most);
+    const columns = this.options.overlay ? 1 : Math.ceil(motions.length / rows); // rows as even as can be
     const w = width / columns, h = height / rows;
     if (this.options.overlay) {
       const view = { x: 0, y: 0, w, h };
@@ -223,7 +227,7 @@ class Player {
       if (errors) {
         ctx.font = "12px system-ui, sans-serif";
         ctx.fillStyle = colours.dim;
-        ctx.fillText(`${errors[this.frame].toFixed(0)} mm off here`, view.x + 32, view.y + 45);
+        ctx.fillText(`${millimetres(errors[this.frame])} off here`, view.x + 32, view.y + 45);
       }
     });
   }
@@ -267,14 +271,14 @@ class Player {
       ctx.strokeStyle = colours.motions[(i + 1) % 5];
       ctx.lineWidth = 1.75;
       ctx.beginPath();
-      errors.forEach((e, f) => ctx.lineTo(x(f), base - 4 - (base - 14) * e / top));
+      errors.forEach((e, f) => ctx.lineTo(x(f), base - 4 - (base - 24) * e / top));
       ctx.stroke();
     });
     ctx.strokeStyle = colours.dim;
     line(ctx, left, base + 12, left + width, base + 12);
     ctx.font = "11px system-ui, sans-serif";
     ctx.fillStyle = colours.dim;
-    if (known.length) ctx.fillText(`distance from ${this.first.name}, up to ${top.toFixed(0)} mm`, left + 4, 13);
+    if (known.length) ctx.fillText(`distance from ${this.first.name}, up to ${millimetres(top)}`, left + 4, 13);
     const every = [1, 5, 10, 15, 30, 60, 120, 240, 480, 960, 4800].find((n) => width * n / frames > 44) || 9600;
     ctx.textAlign = "center";
     for (let f = 0; f < frames; f += every) ctx.fillText(f, Math.min(x(f), left + width - 2), height - 2);
