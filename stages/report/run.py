@@ -77,8 +77,8 @@ def _played(config: Config) -> list[Artefact]:
     return [open_artefact(path, "motion") for path in paths if path.is_dir()]
 
 
-def _origin(artefacts: list[Artefact], played: list[Artefact], told: tuple[str, ...]) -> str:
-    licences = {licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences}
+def _origin(artefacts: list[Artefact], played: list[Artefact]) -> str:
+    licences = sorted({licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences})
     rows = []
     for artefact in artefacts:
         manifest = artefact.manifest
