@@ -14,6 +14,9 @@
 #                  goes on; docs/pretraining.md. Its parts: pretrain-data, pretrain-measure, pretrain-bundle TO=folder
 # make held-out    weights on whole archives that they never saw, with feel; HELD_OUT_WEIGHTS=small-free
 #                  HELD_OUT_WINDOWS=40 (for each archive and task); DATA names other recordings
+# make gallery     twelve clips on six rigs, filled: truth, slerp and pumps side by side in runs/gallery/gallery.html, and
+#                  the picture docs/pictures/gallery.svg; GALLERY_WEIGHTS=small (default: those that infill takes)
+# make first-picture  the picture of the README's first example
 # make rig-report  the same tables' rig networks on the rigs' own test motions, beside the truth
 # make retarget-report  motions on other rigs, how near hands and feet come to their places
 # make test        linters, types, import directions, tests
@@ -65,7 +68,7 @@ SPACE := $(EMPTY) $(EMPTY)
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: held-out held-out-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
+.PHONY: gallery first-picture held-out held-out-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -295,6 +298,24 @@ $(R)/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json 
 	$(PUMPS) evaluate --config $< --motion $(R)/ingest --unseen --tasks interpolation --tasks transition \
 	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
 
+# ---- to look at ------------------------------------------------------------------------------------------------
+
+GALLERY_WEIGHTS ?=
+FIRST_CLIP := dance_b
+
+# The page holds recordings that may not be handed on; its picture is of a few poses.
+gallery: install
+	@$(VENV)/bin/python benchmarks/gallery.py '$(SHARED_DATA)' '$(RUNS)/gallery' --picture docs/pictures/gallery.svg \
+	  $(if $(GALLERY_WEIGHTS),--weights '$(GALLERY_WEIGHTS)')
+
+# The two commands of the README's first example.
+first-picture: install
+	@mkdir -p '$(RUNS)/gallery'
+	$(PUMPS) infill stages/clips/$(FIRST_CLIP).bvh --keyframes every:15 -o '$(RUNS)/gallery/filled.bvh' --overwrite \
+	  $(if $(GALLERY_WEIGHTS),--weights '$(GALLERY_WEIGHTS)')
+	$(PUMPS) report --motions truth=stages/clips/$(FIRST_CLIP).bvh --motions 'pumps=$(RUNS)/gallery/filled.bvh' \
+	  --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --picture docs/pictures/first-fill.svg
+
 # ---- any cloud to any skeleton ---------------------------------------------------------------------------------
 
 # SOLVE_CLIPS: clips of each archive with true clouds, 0 for all. SOLVE_NETWORKS: NAME=FOLDER of networks of rigs.
@@ -431,7 +452,7 @@ fuzz: install-dev
 	PUMPS_FUZZ=$(TIMES) OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 -q tests/formats/test_fuzz_readers.py
 
 bench: install-dev
-	@for script in $(filter-out benchmarks/training_step.py,$(wildcard benchmarks/*.py)); do \
+	@for script in $(filter-out benchmarks/training_step.py benchmarks/gallery.py,$(wildcard benchmarks/*.py)); do \
 	  echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
 
 # The paper's sizes, unless PRESET is given in the call; all cores, so nothing else should be running.

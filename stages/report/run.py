@@ -19,6 +19,7 @@ from stages.report.config import Config
 from stages.report.curves import curves_html
 from stages.report.markdown import markdown_html
 from stages.report.scenes import scenes_of
+from stages.report.strips import strips_svg
 
 ASSETS = Path(__file__).resolve().parent / "assets"
 SUBTITLE = "pumps: motion between keyframes, on its own skeleton"
@@ -50,16 +51,31 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         if metrics
         else "",
         training="".join(_training(checkpoint) for checkpoint in checkpoints),
-        origin=_origin([artefact for artefact in (metrics, *checkpoints) if artefact], _played(config)),
+        origin=_origin(
+            [artefact for artefact in (metrics, *checkpoints) if artefact], _played(config), config.licences
+        ),
     )
     progress.advance(1, "page")
+    drawn = _picture(scenes, config) if config.picture else ""
     write_whole(config.output, page.encode("utf-8"))
     size_kb = len(page.encode()) // 1024
+    lines = [f"Report: {config.output} ({size_kb} kB, {len(scenes)} scene{'s' if len(scenes) != 1 else ''})."]
+    if config.picture:
+        write_whole(config.picture, drawn.encode("utf-8"))
+        lines.append(f"Picture: {config.picture} ({len(drawn.encode()) // 1024} kB).")
     return StageReport(
         output=config.output,
-        lines=[f"Report: {config.output} ({size_kb} kB, {len(scenes)} scene{'s' if len(scenes) != 1 else ''})."],
+        lines=lines,
         figures={"scenes": len(scenes), "bytes": len(page.encode())},
     )
+
+
+def _picture(scenes: list[dict], config: Config) -> str:
+    unknown = sorted(set(config.pictured) - {scene["name"] for scene in scenes})
+    chosen = [scene for scene in scenes if scene["name"] in config.pictured or not config.pictured]
+    if unknown or not chosen:
+        raise UsageError(f"No scene is called {unknown[0]!r}." if unknown else "There is no scene to draw.")
+    return strips_svg(chosen)
 
 
 def _training(artefact: Artefact) -> str:
@@ -77,8 +93,8 @@ def _played(config: Config) -> list[Artefact]:
     return [open_artefact(path, "motion") for path in paths if path.is_dir()]
 
 
-def _origin(artefacts: list[Artefact], played: list[Artefact]) -> str:
-    licences = sorted({licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences})
+def _origin(artefacts: list[Artefact], played: list[Artefact], told: tuple[str, ...]) -> str:
+    licences = {licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences}
     rows = []
     for artefact in artefacts:
         manifest = artefact.manifest
@@ -90,7 +106,7 @@ def _origin(artefacts: list[Artefact], played: list[Artefact]) -> str:
     if played:
         stages = ", ".join(sorted({artefact.manifest.stage for artefact in played}))
         rows.append(f"<dt>Motions</dt><dd>{len(played)} motion artefacts, written by {html.escape(stages)}</dd>")
-    rows += [f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>" for licence in licences]
+    rows += [f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>" for licence in sorted(licences | {*told})]
     return f"<dl>{''.join(rows)}</dl>" if rows else "<p>Only motions were given.</p>"
 
 

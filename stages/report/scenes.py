@@ -43,7 +43,22 @@ def scenes_of(config: Config) -> list[dict]:
         UsageError: a motion is not NAME=PATH.
         InputError: a file is bad, or artefacts of a scene share no clip.
     """
-    return [_scene(name, motions, config) for name, motions in _loaded(config)]
+    named = _named_keyframes(config)
+    scenes = [_scene(name, motions, config, named.get(name, config.keyframes)) for name, motions in _loaded(config)]
+    unknown = sorted(set(named) - {scene["name"] for scene in scenes})
+    if unknown:
+        raise UsageError(f"No scene is called {unknown[0]!r}.", "Name in --scene-keyframes those of --motions.")
+    return scenes
+
+
+def _named_keyframes(config: Config) -> dict[str, str]:
+    found = {}
+    for text in config.scene_keyframes:
+        scene, equals, frames = text.rpartition("=")
+        if not (scene and equals and frames):
+            raise UsageError(f"--scene-keyframes {text!r} is not SCENE=FRAMES.", "Write for instance walk=every:30.")
+        found[scene] = frames
+    return found
 
 
 def _loaded(config: Config) -> Iterator[tuple[str, list[Played]]]:
@@ -100,9 +115,9 @@ def _clips_of(
             reader.close()
 
 
-def _scene(name: str, motions: list[Played], config: Config) -> dict:
+def _scene(name: str, motions: list[Played], config: Config, keyframes: str) -> dict:
     first = motions[0]
-    keys = parse_keyframes(config.keyframes, first.motion.frames)
+    keys = parse_keyframes(keyframes, first.motion.frames)
     if config.slerp and all(played.name != SLERP for played in motions):
         motions = [first, Played(SLERP, first.skeleton, slerped(first.skeleton, first.motion, keys)), *motions[1:]]
     kept = [replace(played, motion=_shortened(played.motion, config.max_seconds)) for played in motions]

@@ -1,0 +1,119 @@
+"""The player's scenes as one picture: poses over a gap, each motion on the first one, the truth. SVG by hand.
+
+Shown is, of each scene, the gap between two keys in which the truth's points travel furthest: chosen by the truth
+alone, so that no method is favoured. All poses are seen from the side that shows most of the body, and each is placed
+by its own frame's true pelvis, so that a method's drift shows as such.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from itertools import pairwise
+
+import numpy as np
+
+POSES = 7
+CELL, HEIGHT, LABEL, HEAD, GAP = 74, 132, 184, 30, 14
+TRUTH_COLOUR, KEY_COLOUR = "#c4c4c4", "#b07a00"
+COLOURS = ("#c2410c", "#1d4ed8", "#15803d", "#7e22ce")
+MILLIMETRES = 1000.0
+
+
+def strips_svg(scenes: Sequence[dict]) -> str:
+    """The SVG of scenes as the page holds them (`stages.report.scenes`): a row a scene, a strip a motion."""
+    count = max(len(scene["motions"]) for scene in scenes) - 1
+    width = LABEL + max(count, 1) * (POSES * CELL + GAP)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {HEAD + len(scenes) * (HEIGHT + GAP)}" '
+        f'width="{width}" font-family="sans-serif" font-size="12">',
+        '<rect width="100%" height="100%" fill="#ffffff"/>',
+        f'<text x="8" y="18" fill="#666666">grey: {escape(scenes[0]["motions"][0]["name"])}; '
+        f'<tspan fill="{KEY_COLOUR}">amber: keys</tspan></text>',
+    ]
+    for row, scene in enumerate(scenes):
+        parts += _scene(scene, HEAD + row * (HEIGHT + GAP))
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
+    """The pair of neighbouring keys between which points (T, N, 3) travel furthest, a frame at least between them."""
+    travelled = np.linalg.norm(np.diff(points, axis=0), axis=-1).mean(axis=1)
+    gaps = [(a, b) for a, b in pairwise(keys) if b - a > 1]
+    if not gaps:
+        return 0, len(points) - 1
+    return max(gaps, key=lambda gap: travelled[gap[0] : gap[1]].sum())
+
+
+def _scene(scene: dict, top: int) -> list[str]:
+    truth, *others = scene["motions"]
+    true = _points(truth)
+    first, last = shown_gap(true, scene["keys"])
+    frames = np.linspace(first, last, POSES).round().astype(int)
+    view = _side_view(true[first : last + 1], truth["root"])
+    span = (true[first : last + 1] - _ground(true, truth["root"])[first : last + 1]) @ view
+    floor = scene["floor"]
+    scale = min((HEIGHT - 26) / max(span[..., 1].max() - floor, 0.1), 1.25 * CELL / max(np.ptp(span[..., 0]), 0.1))
+    base = top + HEIGHT - 18
+    named, _, detail = scene["name"].partition(": ")
+    parts = [f'<text x="8" y="{top + 40}" font-weight="600">{escape(named)}</text>']
+    parts += [f'<text x="8" y="{top + 56}" fill="#666666">{escape(detail)}</text>'] if detail else []
+    told = f"frames {first} to {last} at {truth['fps']:.0f} a second"
+    parts.append(f'<text x="8" y="{top + 72}" fill="#666666" font-size="10">{told}</text>')
+    for column, motion in enumerate(others):
+        left = LABEL + column * (POSES * CELL + GAP)
+        made, colour = _points(motion), COLOURS[column % len(COLOURS)]
+        moments = np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
+        parts.append(f'<path d="M{left} {base}H{left + POSES * CELL}" stroke="#dddddd"/>')
+        for pose, (frame, moment) in enumerate(zip(frames, moments, strict=True)):
+            middle = left + (pose + 0.5) * CELL
+            away = _ground(true, truth["root"])[frame]
+            shade = KEY_COLOUR if frame in scene["keys"] else colour
+            for data, points, stroke, thick in (
+                (truth, true[frame], TRUTH_COLOUR, 4.0),
+                (motion, made[moment], shade, 1.8),
+            ):
+                flat = (points - away) @ view
+                places = np.stack([middle + scale * flat[:, 0], base - scale * (flat[:, 1] - floor)], axis=1)
+                parts.append(_figure(data["edges"], places, stroke, thick, 0.09 * scale))
+        note = escape(motion["name"])
+        if made.shape == true.shape:
+            apart = np.linalg.norm(made - true, axis=-1)[first + 1 : last].mean()
+            note += f": {MILLIMETRES * apart:.0f} mm from {escape(truth['name'])}"
+        parts.append(f'<text x="{left + 4}" y="{base + 14}" fill="{colour}" font-size="11">{note}</text>')
+    return parts
+
+
+def _points(motion: dict) -> np.ndarray:
+    """(T, N, 3) metres of a packed motion."""
+    raw = np.frombuffer(base64.b64decode(motion["points"]), "<i2").astype(np.float64)
+    return raw.reshape(motion["frames"], motion["nodes"], 3) * motion["scale"]
+
+
+def _ground(points: np.ndarray, root: int) -> np.ndarray:
+    """(T, 1, 3) the pelvis' place on the ground."""
+    return points[:, root, None] * [1.0, 0.0, 1.0]
+
+
+def _side_view(points: np.ndarray, root: int) -> np.ndarray:
+    """(3, 2) from the world to the picture: along the horizontal line on which the body spreads most."""
+    spread = (points - _ground(points, root))[..., [0, 2]].reshape(-1, 2)
+    _, axes = np.linalg.eigh(spread.T @ spread)
+    along = axes[:, -1] * (1 if axes[:, -1] @ (points[-1, root] - points[0, root])[[0, 2]] >= 0 else -1)
+    return np.array([[along[0], 0.0], [0.0, 1.0], [along[1], 0.0]])
+
+
+def _figure(edges: Sequence[Sequence[int]], places: np.ndarray, colour: str, thick: float, head: float) -> str:
+    """One pose: a line a bone, fingers left out, a ring at the head's tip."""
+    lines = "".join(
+        f"M{places[a, 0]:.1f} {places[a, 1]:.1f}L{places[b, 0]:.1f} {places[b, 1]:.1f}"
+        for a, b, _, thin, ball in edges
+        if not thin and not ball
+    )
+    balls = "".join(
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{head:.1f}"/>'
+        for x, y in (places[[a, b]].mean(axis=0) for a, b, _, _, ball in edges if ball)
+    )
+    look = f'fill="none" stroke="{colour}" stroke-width="{thick}" stroke-linecap="round"'
+    return f'<g {look}><path d="{lines}"/>{balls}</g>'
