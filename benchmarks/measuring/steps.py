@@ -112,7 +112,7 @@ def _descent(networks: nn.Module, checkpointing: bool) -> Callable[[Tensor], Non
             setattr(module, "checkpointing", checkpointing)  # noqa: B010, a plain attribute
     networks.train()
     parameters = list(networks.parameters())
-    optimiser = torch.optim.AdamW(parameters, lr=1e-4)
+    optimiser = torch.optim.AdamW(parameters, lr=1e-4, fused=parameters[0].device.type == "cpu" or None)
 
     def descend(loss: Tensor) -> None:
         optimiser.zero_grad(set_to_none=True)

@@ -83,9 +83,9 @@ class _Run:
             raise UsageError("A training of so many minutes runs in one process.", "Give steps instead of minutes.")
         self.named = dict(task.networks.named_parameters())
         self.device = next(iter(self.named.values())).device
-        self.optimiser = torch.optim.AdamW(
-            self.named.values(), lr=config.learning_rate, betas=(0.9, 0.98), weight_decay=config.weight_decay
-        )
+        rates = {"lr": config.learning_rate, "betas": (0.9, 0.98), "weight_decay": config.weight_decay}
+        # Fused, a parameter and its moments pass a CPU's memory once, which takes a third of the time.
+        self.optimiser = torch.optim.AdamW(self.named.values(), **rates, fused=self.device.type == "cpu" or None)
         for module in task.networks.modules():
             if hasattr(module, "checkpointing"):
                 setattr(module, "checkpointing", config.activation_checkpointing)  # noqa: B010, a plain attribute
