@@ -109,7 +109,8 @@ def _clips_of(
                 Played(name, reader.skeleton(reader.row(clip).skeleton), reader.motion(clip))
                 for name, reader in readers
             ]
-            yield (f"{scene}: {clip}" if scene else clip), played + files
+            told = clip.removeprefix(f"{scene}.")  # clips of an archive begin with its name
+            yield (f"{scene}: {told}" if scene else clip), played + files
     finally:
         for _, reader in readers:
             reader.close()

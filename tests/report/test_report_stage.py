@@ -183,7 +183,7 @@ def test_artefacts_give_a_scene_for_each_shared_clip(tmp_path: Path) -> None:
         np.zeros(2, np.int8), np.ones(2, bool), 0,
     )  # fmt: skip
     still = np.tile(np.array([0, 0, 0, 1], np.float32), (50, 2, 1))
-    for folder, clips in (("truth", "abc"), ("made", "bc")):
+    for folder, clips in (("truth", ["a", "b", "set.c"]), ("made", ["b", "set.c"])):
         with (
             write_artefact(tmp_path / folder, "motion", stage="ingest", config={}, licences=["CC <NC>"]) as draft,
             MotionWriter(draft.folder) as writer,
@@ -197,9 +197,11 @@ def test_artefacts_give_a_scene_for_each_shared_clip(tmp_path: Path) -> None:
     _, scenes, text = parsed(tmp_path / "r.html")
     assert "2 motion artefacts, written by ingest" in text and "CC &lt;NC&gt;" in text  # where they come from
     assert 'id="results"' not in text
-    assert [scene["name"] for scene in scenes] == ["b", "c"]
+    assert [scene["name"] for scene in scenes] == ["b", "set.c"]
     assert [m["name"] for m in scenes[0]["motions"]] == ["truth", "made"]
     assert scenes[0]["motions"][0]["frames"] == 31
+    run(Config(motions=tuple(f"set/{text}" for text in both), output=tmp_path / "r.html", slerp=False))
+    assert [scene["name"] for scene in parsed(tmp_path / "r.html")[1]] == ["set: b", "set: c"]
 
 
 def test_hostile_names_stay_text(made: Path, tmp_path: Path) -> None:
