@@ -13,7 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-_CLOUDS_AT_ONCE = 16  # whose distances (4 MB at 256 points) stay in the caches
+# Clouds that are searched at once: as many as their distances (4 MB) stay in the caches; and few enough that all
+# threads have some.
+_DISTANCES_AT_ONCE, _CLOUDS_AT_MOST = 2**20, 64
 
 
 class Level(NamedTuple):
@@ -117,11 +119,10 @@ def _pooling_levels_cpu(places: Tensor, levels: int, count: int) -> list[Level]:
     def of_share(share: tuple[Tensor, Tensor]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         return _levels_of(share[0].numpy(), share[1].numpy(), levels, count)
 
+    clouds = max(1, min(_CLOUDS_AT_MOST, _DISTANCES_AT_ONCE // places.shape[1] ** 2))
     with ThreadPoolExecutor(threads) as pool:
-        for some in places.float().split(threads * _CLOUDS_AT_ONCE):
-            shares = zip(
-                some.split(_CLOUDS_AT_ONCE), squared_distances(some, some).split(_CLOUDS_AT_ONCE), strict=True
-            )
+        for some in places.float().split(threads * clouds):
+            shares = zip(some.split(clouds), squared_distances(some, some).split(clouds), strict=True)
             for found in (pool.map if threads > 1 else map)(of_share, shares):
                 for lists, arrays in zip((neighbours, centres), found, strict=True):
                     for all_clouds, these in zip(lists, arrays, strict=True):
