@@ -61,7 +61,8 @@ def _cell(key: Key, group: dict, grouped: dict[Key, dict], seed: int) -> Cell:
     clips = sorted(group)
     values, weights = _columns(group, clips, metric)
     ratio = None
-    if method not in (beside, TRUTH) and base.keys() == group.keys():
+    compared = METRICS[metric].beside_truth or not METRICS[metric].feel
+    if compared and method not in (beside, TRUTH) and base.keys() == group.keys():
         ratio = ratio_interval(values, weights, *_columns(base, clips, metric), seed)
     windows = sum(group[clip].windows for clip in clips)
     return Cell(mean_interval(values, weights, seed), ratio, len(clips), windows)

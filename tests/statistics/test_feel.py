@@ -161,6 +161,8 @@ def test_the_table_has_a_row_for_the_truth_and_jerk_as_a_share_of_it() -> None:
     assert "| interpolation 15 | truth | 0.100 [0.100, 0.100] |  |  | 1.00 |  |" in text
     assert "|  | ours | 0.200 [0.200, 0.200] |  |  | 0.80 [0.80, 0.80] | 0.25 |" in text
     assert "|  | other clips |  |  |  |  |  |" in text  # no truth of its clips, so no share
+    jump = found["set", "interpolation", 15, "key_jump_mps", "ours"]
+    assert jump.ratio is None  # smaller is not better
     assert "lerp" in text and not any(" lerp " in line for line in feel_lines(found))
     assert any("ours" in line and "0.80" in line for line in feel_lines(found))
     assert "Jerk" not in task_tables(found) and "truth" not in task_tables(found)
