@@ -119,7 +119,7 @@ def _pooling_levels_cpu(places: Tensor, levels: int, count: int) -> list[Level]:
     def of_share(share: tuple[Tensor, Tensor]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         return _levels_of(share[0].numpy(), share[1].numpy(), levels, count)
 
-    clouds = max(1, min(_CLOUDS_AT_MOST, _DISTANCES_AT_ONCE // places.shape[1] ** 2))
+    clouds = max(1, min(_CLOUDS_AT_MOST, _DISTANCES_AT_ONCE // max(1, places.shape[1]) ** 2))
     with ThreadPoolExecutor(threads) as pool:
         for some in places.float().split(threads * clouds):
             shares = zip(some.split(clouds), squared_distances(some, some).split(clouds), strict=True)
