@@ -80,7 +80,7 @@ CLIPS = (
     Shown("CMU, DAZ", "salsa 5", f"{_SALSA}/05.bvh", every=30, fps=60),
     Shown("CMU, DAZ", "salsa 14", f"{_SALSA}/14.bvh", missing=30, fps=60),
     Shown("CMU, ASF", "climbing", f"{_ASF}/01/01_02.amc", every=30),
-    Shown("CMU, ASF", "swinging arms", f"{_ASF}/02/02_09.amc", every=15),
+    Shown("CMU, ASF", "swordplay", f"{_ASF}/02/02_09.amc", every=15),
     Shown("G1 robot", "running", f"{_G1}/run2_subject4.bvh", every=15),
     Shown("G1 robot", "dance", f"{_G1}/dance2_subject4.bvh", every=30),
     Shown("embedded", "dance", "dance_b", every=15),
