@@ -13,8 +13,11 @@ from stages.config import DeviceConfig
 class Config(DeviceConfig):
     """Give a motion to another skeleton, of which no pose of the motion is known."""
 
-    input: Path = Field(description="The BVH that moves.")
-    to: Path = Field(description="A BVH of the rig that is to move: its header, and its rest pose or a frame of it.")
+    input: Path = Field(description="The BVH that moves; of an archive: FILE.zip!MEMBER.")
+    to: Path = Field(
+        description="A BVH of the rig that is to move: its header, and its rest pose or a frame of it. Its joints "
+        "turn freely: limits of poses, such as a robot's hinges, are not kept."
+    )
     output: Path = Field(description="The BVH to write, with the rig's header.")
     method: Literal["turns", "solve", "network", "both"] = Field(
         "solve",

@@ -15,6 +15,7 @@ from stages.config import StageReport
 from stages.formats.bvh import BvhFile, read_bvh
 from stages.formats.bvh_motion import motion_of, values_of
 from stages.formats.bvh_write import write_bvh
+from stages.formats.sources import source_named
 from stages.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.inference.local_pose import pose_of_motion
 from stages.inference.retarget_clouds import SIGMA_M, pull_to_places
@@ -74,10 +75,8 @@ def _moved(config: Config, source: Skeleton, motion: Motion, target: Skeleton, t
 
 
 def _read(path: Path) -> BvhFile:
-    try:
-        return read_bvh(path.read_bytes(), str(path))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from None
+    source = source_named(str(path))
+    return read_bvh(source.read(), source.name)
 
 
 def _report(

@@ -127,6 +127,9 @@ def _fault(
 ) -> str:
     """One fault in words: the setting as it was spelled where it came from, what it is, what it should be."""
     path = tuple(str(part) for part in detail["loc"])
+    message = str(detail["msg"]).removeprefix("Value error, ")
+    if not path:  # settings that do not go together, which are told as they are
+        return message
     origin = next((origins[path[:n]] for n in range(len(path), 0, -1) if path[:n] in origins), None)
     fields = [part for part in path if not part.isdecimal()]
     flag = fields[0].upper() if fields[0] in arguments else "--" + ".".join(fields).replace("_", "-")
@@ -136,7 +139,6 @@ def _fault(
     if detail["type"] == "extra_forbidden":
         near = get_close_matches(fields[-1], _known(config_type, fields[:-1]), n=1)
         return f"there is no setting {name}{place}" + (f" (did you mean {near[0]}?)" if near else "")
-    message = str(detail["msg"]).removeprefix("Value error, ")
     return f"{name} = {_shown(detail.get('input'))}{place}: {message[0].lower()}{message[1:]}"
 
 

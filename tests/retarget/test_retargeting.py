@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -203,6 +204,10 @@ def test_the_command_writes_the_rigs_header_and_the_motions_frames(tmp_path: Pat
     with pytest.raises(InputError, match="cannot be read"):
         run(Config(input=tmp_path / "none.bvh", to=rig, output=tmp_path / "new.bvh"))
     assert run(Config(input=KICK, to=rig, output=out, overwrite=True)).output == out
+    with zipfile.ZipFile(tmp_path / "clips.zip", "w") as archive:
+        archive.write(KICK, "some/kick.bvh")
+    run(Config(input=tmp_path / "clips.zip!some/kick.bvh", to=rig, output=tmp_path / "same.bvh"))
+    assert (tmp_path / "same.bvh").read_bytes() == out.read_bytes()
 
 
 def test_a_rigs_network_moves_that_rig_and_no_other(tmp_path: Path):

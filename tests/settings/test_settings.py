@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from data_schemas.errors import InputError, UsageError
 from stages.registry import PIPELINE, downstream_of, stage_named
+from stages.retarget.config import Config as Retarget
+from stages.settings.layers import COMMAND_LINE, Layer, settle
 from stages.settings.presets import check_preset, preset_layers, preset_names, preset_path
 from stages.settings.run_folder import write_run_config
 from stages.settings.toml import parse_value, read_toml, toml_text
@@ -100,6 +102,12 @@ def test_settings_of_several_stages_are_judged_together(tmp_path: Path):
         write_run_config(tmp_path, ["tiny"], ["train-ae.steps=no", "evaluate.windw=3"])
     assert "steps" in str(caught.value) and "did you mean window?" in str(caught.value)
     assert not (tmp_path / "config").exists()
+
+
+def test_settings_that_do_not_go_together_are_told_in_one_sentence():
+    given = {"input": "kick.bvh", "to": "rig.bvh", "output": "out.bvh", "method": "network"}
+    with pytest.raises(UsageError, match="--network goes with the methods network and both"):
+        settle(Retarget, [Layer(COMMAND_LINE, given)], what="pumps retarget", arguments=("input",))
 
 
 @pytest.mark.parametrize("text", ["steps=3", "nowhere.steps=3", "train-ae.steps", "train-ae=3"])
