@@ -16,7 +16,7 @@ from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
-from stages.inference.filling import fill_motion
+from stages.inference.filling import FillOptions, fill_motion
 from stages.inference.models import load_weights, named_source
 from stages.networks.device import choose_device
 from stages.shipped import weights_folder
@@ -124,6 +124,7 @@ def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
 
 def _model_fill(models: Any, cloud: Literal["synthesised", "reconstructed", "true"], config: Config):
     device = choose_device(config.device)
+    options = FillOptions(foot_lock=config.foot_lock) if cloud == "synthesised" else None
 
     def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Made:
         motions, fell_back = [], []
@@ -138,6 +139,7 @@ def _model_fill(models: Any, cloud: Literal["synthesised", "reconstructed", "tru
                 points=config.points,
                 seed=window_seed(config.seed, window),
                 device=device,
+                options=options,
             )
             motions.append(filled.motion)
             fell_back.append(filled.plain)

@@ -171,6 +171,20 @@ def test_archives_that_weights_were_trained_on_are_left_out(motions: Path, tmp_p
         clips("silent")
 
 
+def test_feet_are_held_where_it_is_asked(motions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, asked = write_random_weights(tmp_path / "mine"), []
+    fill = methods.fill_motion
+
+    def watched(*arguments, cloud, options, **others):
+        asked.append((cloud, bool(options and options.foot_lock)))
+        return fill(*arguments, cloud=cloud, options=options, **others)
+
+    monkeypatch.setattr(methods, "fill_motion", watched)
+    only = {"tasks": ("interpolation",), "intervals": (30,), "max_windows": 1, "points": 32, "breakdown": True}
+    run(Config(motion=motions, output=tmp_path / "m", weights=(str(folder),), foot_lock=True, **only))
+    assert set(asked) == {("synthesised", True), ("reconstructed", False), ("true", False)}
+
+
 def test_the_lafan1_protocol_names_its_own_figures(motions: Path, tmp_path: Path) -> None:
     only = {"tasks": ("transition",), "transitions": (5, 15)}
     config = Config(motion=motions, output=tmp_path / "m", protocol="lafan1", **only)
