@@ -91,7 +91,7 @@ def _report(
 ) -> StageReport:
     skates = [_skate(source, motion), _skate(target, made)]
     apart = float(np.degrees(turned.apart_rad))
-    pose = "its rest pose" if turned.target_frame < 0 else f"frame {turned.target_frame} of its file"
+    pose = "the rig's rest pose" if turned.target_frame < 0 else f"frame {turned.target_frame} of the rig's file"
     lines = [f"Note: {note}" for note in notes]
     if turned.apart_rad > STRANGE_RAD:
         lines.append(
@@ -101,7 +101,8 @@ def _report(
     lines += [
         f"{made.frames} frames on {target.joints} joints in {seconds:.2f} s; the rig's legs are {turned.size:.2f} "
         "times as long, and so are its paths.",
-        f"Reference: frame {turned.source_frame} of the motion, {pose} of the rig, limbs {apart:.0f} degrees apart.",
+        f"Taken for the same pose: frame {turned.source_frame} of the motion and {pose}; their limbs are {apart:.0f} "
+        "degrees apart.",
         f"Feet that stand slide at {skates[0]:.3f} m/s in the source and {skates[1]:.3f} m/s in the result.",
     ]
     figures = {
