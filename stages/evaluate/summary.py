@@ -9,13 +9,14 @@ from data_schemas.metrics import MetricRow
 from stages.evaluate.config import Config
 from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
 from stages.settings.command_line import command_line
+from stages.statistics.feel_tables import LEGEND as FEEL_LEGEND
 from stages.statistics.feel_tables import feel_markdown
 from stages.statistics.tables import Cell, Key, overview, task_tables
 
 LEGEND = (
     "In the tables below: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) "
     "on the same windows, with a star where the ratio's own 95% interval leaves out 1. Lower is better. In the "
-    "header: the windows and clips measured. Feel has tables of its own, below the others."
+    "header: the windows and clips measured."
 )
 
 
@@ -43,7 +44,8 @@ def summary_md(
             "No training clip is on the skeletons "
             f"{', '.join(borrowed_statistics)}: the LaFAN1 statistics are those of their measured clips.\n"
         )
-    parts += [overview(found), LEGEND + "\n", task_tables(found), feel_markdown(found)]
+    tables = task_tables(found, lambda scope: feel_markdown(found, scope))
+    parts += [overview(found), LEGEND + "\n", *([FEEL_LEGEND + "\n"] if "### Feel" in tables else []), tables]
     return "\n".join(parts)
 
 

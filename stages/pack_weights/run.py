@@ -17,7 +17,7 @@ from stages.config import StageReport
 from stages.pack_weights.config import Config
 from stages.progress import SILENT, Progress
 from stages.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
-from stages.statistics.feel_tables import feel_markdown
+from stages.statistics.feel_tables import LEGEND, feel_markdown
 from stages.statistics.figures import TRUTH
 from stages.statistics.tables import baseline_of, cells, overview, scopes_of
 from stages.statistics.tasks import TASK_NAMES
@@ -114,7 +114,9 @@ def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[st
         if method == config.method and cell.ratio is not None and np.isfinite(cell.ratio.value)
     ]
     aside = tuple({key[4] for key in every} - {*shown, TRUTH, *map(baseline_of, TASK_NAMES)})
-    return measured, "\n".join([overview(found), feel_markdown(every, scopes=scopes_of(every)[-1:], aside=aside)])
+    scope = scopes_of(every)[-1]
+    feel = feel_markdown(every, scope, aside=aside)
+    return measured, "\n".join([overview(found), feel, *([f"{LEGEND} Of {scope}.\n"] if feel else [])])
 
 
 def _card(

@@ -23,20 +23,13 @@ LEGEND = (
 )
 
 
-def feel_markdown(found: dict[Key, Cell], *, scopes: list[str] | None = None, aside: tuple[str, ...] = ()) -> str:
-    """Markdown of the tables of all scopes, or of those named; nothing where no feel was measured."""
-    parts: list[str] = []
-    for scope in scopes or scopes_of(found):
-        rows = _rows(found, scope, aside)
-        if rows:
-            parts.append(f"## Feel, {scope}\n")
-            if len(parts) == 1:
-                parts.append(LEGEND + "\n")
-            parts.append(f"| task | method | {' | '.join(COLUMNS.values())} |")
-            parts.append(f"|---|---|{'---:|' * len(COLUMNS)}")
-            parts += [f"| {' | '.join(row)} |" for row in rows]
-            parts.append("")
-    return "\n".join(parts)
+def feel_markdown(found: dict[Key, Cell], scope: str, *, aside: tuple[str, ...] = ()) -> str:
+    """Markdown of one scope's table under a heading of the third level; nothing where no feel was measured."""
+    rows = _rows(found, scope, aside)
+    if not rows:
+        return ""
+    head = [f"| task | method | {' | '.join(COLUMNS.values())} |", f"|---|---|{'---:|' * len(COLUMNS)}"]
+    return "\n".join(["### Feel\n", *head, *(f"| {' | '.join(row)} |" for row in rows), ""])
 
 
 def feel_lines(found: dict[Key, Cell]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,8 +85,9 @@ def scopes_of(found: dict[Key, Cell]) -> list[str]:
     return [*archives, ALL] if len(archives) > 1 else archives
 
 
-def task_tables(found: dict[Key, Cell]) -> str:
-    """Markdown: for every scope and task the headline metrics with intervals, then the others."""
+def task_tables(found: dict[Key, Cell], more: Callable[[str], str] = lambda scope: "") -> str:
+    """Markdown: for every scope and task the headline metrics with intervals, then the others; then what `more` gives
+    for the scope."""
     parts: list[str] = []
     for scope in scopes_of(found):
         parts.append(f"## {scope}\n")
@@ -94,6 +95,7 @@ def task_tables(found: dict[Key, Cell]) -> str:
             here = _of_task(found, scope, task)
             if here:
                 parts += _task_section(task, here)
+        parts += [text for text in [more(scope)] if text]
     return "\n".join(parts)
 
 

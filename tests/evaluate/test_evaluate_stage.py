@@ -141,7 +141,8 @@ def test_weights_are_methods_and_inputs(motions: Path, tmp_path: Path) -> None:
         0 <= s <= 1 for s in shares.values()
     )
     assert shares[methods.TRUE_CLOUD] < 0.1  # points without error are believed
-    assert "## Feel, all archives" in summary
+    sections = summary.split("\n## ")[1:]
+    assert [section.count("### Feel") for section in sections] == [1, 1, 1] and "Feel: mean" in summary
     assert [each.kind for each in open_artefact(config.output).manifest.inputs] == [
         "motion",
         "checkpoint",

@@ -157,7 +157,7 @@ def test_the_table_has_a_row_for_the_truth_and_jerk_as_a_share_of_it() -> None:
     rows.append(replace(ROW, clip="a", method="ours", metric="fell_back_share", value=0.25))
     rows.append(replace(ROW, clip="z", method="other clips", metric="jerk_mps3", value=7.0))
     found = cells(rows)
-    text = feel_markdown(found)
+    text = feel_markdown(found, "set")
     assert "| interpolation 15 | truth | 0.100 [0.100, 0.100] |  |  | 1.00 |  |" in text
     assert "|  | ours | 0.200 [0.200, 0.200] |  |  | 0.80 [0.80, 0.80] | 0.25 |" in text
     assert "|  | other clips |  |  |  |  |  |" in text  # no truth of its clips, so no share
@@ -169,4 +169,4 @@ def test_the_table_has_a_row_for_the_truth_and_jerk_as_a_share_of_it() -> None:
 
 
 def test_metrics_without_feel_have_no_such_table() -> None:
-    assert feel_markdown(cells([ROW])) == "" and feel_lines(cells([ROW])) == []
+    assert feel_markdown(cells([ROW]), "set") == "" and feel_lines(cells([ROW])) == []
