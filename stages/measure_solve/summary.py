@@ -39,7 +39,8 @@ def summary_md(config: Config, rows: Sequence[MetricRow]) -> str:
         parts += ["## True clouds\n", *true_table(true), ""]
     if worse:
         parts += ["## Worse clouds, other sizes, stranger rigs\n", _sample_text(config), *fault_table(worse), ""]
-        for archive in _in_order(row.archive for row in worse):
+        archives = _in_order(row.archive for row in worse)
+        for archive in archives if len(archives) > 1 else []:
             parts += [f"### {archive}\n", *fault_table([row for row in worse if row.archive == archive]), ""]
     return "\n".join(parts)
 
@@ -51,7 +52,8 @@ def true_table(rows: Sequence[MetricRow]) -> list[str]:
         f"| data | keys every | method | {' | '.join(LABELS[metric] for metric in metrics)} |",
         f"|---|---:|---|{'---:|' * len(metrics)}",
     ]
-    for archive in [*_in_order(row.archive for row in rows), ALL]:
+    archives = _in_order(row.archive for row in rows)
+    for archive in [*archives, ALL] if len(archives) > 1 else archives:
         here = [row for row in rows if archive in (row.archive, ALL)]
         for interval in sorted({row.interval for row in here}):
             for method in _in_order(row.method for row in here):
@@ -81,11 +83,12 @@ def fault_table(rows: Sequence[MetricRow]) -> list[str]:
 
 
 def terminal_lines(rows: Sequence[MetricRow]) -> list[str]:
-    """What a person reads first: all archives together."""
+    """What a person reads first, all archives together; of worse clouds only what follows them."""
     lines = []
     for task, interval in _in_order((row.task, row.interval) for row in rows):
         here = [row for row in rows if row.task == task]
-        for method in _in_order(row.method for row in here):
+        methods = _in_order(row.method for row in here)
+        for method in methods if task == TRUE else [m for m in methods if m not in (SLERP, "truth")]:
             figures = [(LABELS[metric], _mean(here, interval, method, metric)) for metric in LABELS]
             told = ", ".join(f"{label} {_text(value, spans=False)}" for label, value in figures if value)
             every = "the first frame alone known" if interval == ONE_KEY else f"keys every {interval}"

@@ -57,6 +57,9 @@ def test_true_clouds_noise_and_stranger_rigs_on_a_real_clip(motions: Path, tmp_p
     assert figures["noise 60 mm", "solve", "mpjpe_mm"] > figures["noise 10 mm", "solve", "mpjpe_mm"]
     assert figures["one key", "solve", "mpjpe_mm"] < 10 < figures["one key", "slerp", "mpjpe_mm"]
     assert "## True clouds" in page and "| noise 30 mm | 15 |" in page and "first alone" in page
+    assert page.count("noise 30 mm") == 1 and "all archives" not in page  # there is one archive
+    worse = [line for line in report.lines if line.startswith("noise 30 mm")]
+    assert len(worse) == 1 and ", solve: " in worse[0]
     assert report.figures["frames_per_s"]["solve"] > 0 and report.figures["clips"] == {"clips": 1}
     assert open_artefact(config.output).manifest.licences == ["a licence"]
 
