@@ -220,11 +220,15 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
             rows = _metric_rows(metric, intervals, here, True) if any(key[3] == metric for key in here) else []
             grid += [[part.strip() for part in row.strip("|").split("|")] for row in rows]
         lines += aligned(grid)
-        lines.append(
-            f"({scope}: {', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of "
-            f"{baseline_of(task)}'s)"
-        )
+        lines.append(f"({scope}: {_measured_on(here, task, intervals)})")
     return lines
+
+
+def _measured_on(here: dict[Key, Cell], task: str, intervals: Sequence[int]) -> str:
+    """How many windows, and what ratios are to; tasks without a baseline measure the same windows in every column."""
+    if not any(key[4] == baseline_of(task) for key in here):
+        return _count(here, intervals[0])
+    return f"{', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of {baseline_of(task)}'s"
 
 
 def aligned(grid: list[list[str]]) -> list[str]:

@@ -67,3 +67,13 @@ def test_printed_forms() -> None:
     assert "| set-1 | ours | 0.50 [0.50, 0.50] |" in overview(found)
     lines = terminal_lines(found)
     assert lines[0].startswith("Interpolation") and any("ours" in line for line in lines)
+
+
+def test_figures_without_a_baseline_tell_their_windows_once() -> None:
+    rows = [
+        replace(ROW, task="retargeting", method=method, metric="knn_cm", interval=spread)
+        for method in ("original motion", "ours")
+        for spread in (0, 10, 50)
+    ]
+    assert terminal_lines(cells(rows))[-1] == "(set-1: 1 window of 1 clip)"
+    assert terminal_lines(cells([ROW]))[-1] == "(set-1: 1 window of 1 clip at 15; ×: share of slerp's)"
