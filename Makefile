@@ -383,12 +383,18 @@ unfinished = @test -f $@ || { echo '$(@D): training stopped before its end; run 
 .PHONY: rig-report
 rig-report: install $(Q)/bandai-to-cmu/own/manifest.json $(Q)/cmu-to-bandai/own/manifest.json
 	@cat $(Q)/*/own/data-*/summary.md
+define both_ways
+	@echo 'From Bandai Namco to CMU:'
+	@$(PUMPS) results $(Q)/bandai-to-cmu/$(1)
+	@echo 'From CMU to Bandai Namco:'
+	@$(PUMPS) results $(Q)/cmu-to-bandai/$(1)
+endef
 pcmrl-table1: install $(Q)/bandai-to-cmu/table1/manifest.json $(Q)/cmu-to-bandai/table1/manifest.json
-	@$(PUMPS) results $(Q)/bandai-to-cmu/table1 && $(PUMPS) results $(Q)/cmu-to-bandai/table1
+	$(call both_ways,table1)
 pcmrl-table2: install $(Q)/bandai-to-cmu/table2/manifest.json $(Q)/cmu-to-bandai/table2/manifest.json
-	@$(PUMPS) results $(Q)/bandai-to-cmu/table2 && $(PUMPS) results $(Q)/cmu-to-bandai/table2
+	$(call both_ways,table2)
 pcmrl-table3: install $(Q)/bandai-to-cmu/table3/manifest.json $(Q)/cmu-to-bandai/table3/manifest.json
-	@$(PUMPS) results $(Q)/bandai-to-cmu/table3 && $(PUMPS) results $(Q)/cmu-to-bandai/table3
+	$(call both_ways,table3)
 
 .PRECIOUS: $(Q)/%/ingest/manifest.json $(Q)/%/tpc/manifest.json $(Q)/%/citl/manifest.json
 $(Q)/%/ingest/manifest.json:

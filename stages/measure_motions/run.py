@@ -73,7 +73,8 @@ def _named(texts: Sequence[str]) -> dict[str, str]:
 def _left_out(clips: Sequence[str]) -> str:
     if not clips:
         return "All shared clips are measured."
-    return f"{len(clips)} shared clips, whose true motion is on another skeleton than the made one, are left out."
+    count = "1 shared clip is" if len(clips) == 1 else f"{len(clips)} shared clips are"
+    return f"{count} left out: the true motion is on another skeleton than the made one."
 
 
 def _windows(
