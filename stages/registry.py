@@ -166,7 +166,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "retarget", ("retarget",), "stages.retarget",
         "Give a motion to another rig, whatever its names and proportions.",
-        ("BVH",), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
+        ("BVH", "checkpoint"), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
         arguments=("input",), pipeline=False,
     ),
     Stage(
