@@ -342,7 +342,7 @@ solve-played: configure
 SOLVE_MADE = $(patsubst $(R)/solve-made/%/manifest.json,%,$(wildcard $(R)/solve-made/*/*/manifest.json))
 solve-page:
 	$(PUMPS) report --title 'Any cloud to any skeleton' --no-slerp --keyframes every:30 \
-	  $(foreach each,$(foreach name,truth slerp solve,$(filter %/$(name),$(SOLVE_MADE))) $(filter-out %/truth %/slerp %/solve,$(SOLVE_MADE)),--motions '$(each)=$(R)/solve-made/$(each)') \
+	  $(foreach each,$(foreach name,truth slerp solve,$(filter %/$(name),$(SOLVE_MADE))) $(sort $(filter-out %/truth %/slerp %/solve,$(SOLVE_MADE))),--motions '$(each)=$(R)/solve-made/$(each)') \
 	  --metrics $(R)/solve-few -o $(R)/solve.html
 
 # Written only where they change, so that other networks or clips are measured anew.
