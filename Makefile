@@ -32,6 +32,9 @@
 # Threads that wait sleep, as in pumps itself, so that scripts beside it do the same: spinning they wait for one another
 # where other work shares the cores.
 export OMP_WAIT_POLICY ?= passive
+ifeq ($(OMP_WAIT_POLICY),passive)
+export GOMP_SPINCOUNT ?= 2000
+endif
 export KMP_BLOCKTIME ?= 0
 
 PYTHON ?= python3
@@ -487,5 +490,5 @@ retarget-report: install-dev
 	  'embedded=stages/clips/run.bvh') --page docs/results.md
 
 bench-train: install-dev
-	OMP_WAIT_POLICY=$${OMP_WAIT_POLICY:-passive} $(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \
+	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \
 	  --preset $(if $(filter command environment,$(origin PRESET)),$(PRESET),paper) --page docs/performance.md

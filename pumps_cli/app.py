@@ -36,12 +36,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _let_waiting_threads_sleep() -> None:
-    """OpenMP's threads sleep while they wait, unless the environment says otherwise.
+    """OpenMP's threads soon sleep while they wait, unless the environment says otherwise.
 
     By default they spin, and wait for one another's turn where another process shares the cores: a solve was twenty
-    times slower beside one. OpenMP reads this when torch is loaded, which no module that is imported here does.
+    times slower beside one. With no spinning at all a training step on two quiet cores takes 1.6 times as long; a few
+    microseconds of it give most of that back, and cost little beside others (docs/performance.md). OpenMP reads this
+    when torch is loaded, which no module that is imported here does.
     """
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    if os.environ.setdefault("OMP_WAIT_POLICY", "passive").lower() == "passive":
+        os.environ.setdefault("GOMP_SPINCOUNT", "2000")
     os.environ.setdefault("KMP_BLOCKTIME", "0")  # Intel's and LLVM's, which spin on for 200 ms all the same
 
 

@@ -14,7 +14,7 @@ def report(figures: dict[str, Any]) -> str:
     lines = [
         f"`{figures['preset']}`: {figures['sequences']} sequences of {figures['frames']} frames of "
         f"{figures['points']} points. {figures['machine']}, "
-        + ("" if gpu else f"{figures['threads']} threads, ")
+        + ("" if gpu else f"{figures['threads']} threads (OMP_WAIT_POLICY={figures['wait_policy'] or 'unset'}), ")
         + f"PyTorch {figures['torch']}; the least of {figures['rounds']} rounds, "
         f"{figures['seconds']:.0f} s for the whole benchmark.",
         "",
