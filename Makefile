@@ -29,9 +29,10 @@
 #
 # A run's files are targets: a second call does only what is out of date, and a killed one goes on where it was.
 
-# Threads that wait sleep, as in pumps itself, so that scripts beside it do the same: spinning they wait for one another
-# where other work shares the cores.
-export OMP_WAIT_POLICY ?= passive
+# Threads that wait soon sleep, as in pumps itself, so that scripts beside it do the same: spinning they wait for one
+# another where other work shares the cores. OMP_WAIT_POLICY=active is faster where none does.
+OMP_WAIT_POLICY ?= passive
+export OMP_WAIT_POLICY
 ifeq ($(OMP_WAIT_POLICY),passive)
 export GOMP_SPINCOUNT ?= 2000
 endif
