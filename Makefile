@@ -98,7 +98,7 @@ $(VENV)/installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 # ---- running ---------------------------------------------------------------------------------------------------
 
 demo: install
-	@$(MAKE) --no-print-directory fill RUN=demo PRESET=demo DATA=stages/clips COMPARE='$(SHIPPED)'
+	@$(MAKE) --no-print-directory fill RUN=demo PRESET=demo DATA=stages/clips COMPARE='$(filter small small-free,$(SHIPPED))'
 
 reproduce: install
 	@test -n '$(DATA)' || { echo "make reproduce needs DATA, for example DATA='recordings/ more.zip'" >&2; exit 2; }
@@ -268,8 +268,9 @@ pretrain-train:
 pretrain-pack:
 	@$(PUMPS) pack-weights $(R) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
 
-# Test clips of the run's own archives; the card then says what the weights are good and bad at.
+# How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the weights are good and bad at.
 pretrain-measure:
+	@test -f $(R)/packed/$(RECIPE)/confidence.json || $(PUMPS) calibrate $(R)/packed/$(RECIPE) --motion $(R)/ingest
 	@test -f $(R)/evaluate/manifest.json || \
 	  $(PUMPS) evaluate --config $(C)/evaluate.toml --motion $(R)/ingest --weights pumps=$(R)/packed/$(RECIPE) -o $(R)/evaluate
 	@$(PUMPS) results $(R)/evaluate

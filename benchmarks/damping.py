@@ -24,7 +24,7 @@ from stages.training.windows import WindowPool, Windows
 WINDOWS, EDGE = 240, 15
 EVERY, MISSING = (5, 15, 30), (15, 30, 60)
 SLERP, CUBIC = Damping(1e-6, 1e-6), Damping(1e6, 1e6)
-TRIED = [Damping(turns, places) for turns in (1.0, 1.3, 1.7) for places in (1.3, 2.5, 5.0, 1e6)]
+TRIED = [Damping(turns, places) for turns in (1.0, 1.3, 1.7) for places in (1.3, 2.0, 5.0, 1e6)]
 
 
 def main(path: str) -> None:

@@ -70,8 +70,8 @@ def test_cubic_has_no_kink():
 
 
 def test_damping_lets_places_go_on_where_rotations_turn_straight():
-    """A body that moves and turns up to a key, and is where it was two seconds later: its path keeps most of the
-    cubic's swing, its rotation little."""
+    """A body that moves and turns up to a key, and is where it was two seconds later: its path keeps half of
+    the cubic's swing, its rotation little."""
     times = torch.tensor([0.0, 1.0, 61.0])
     angles = torch.tensor([0.0, 0.02, 0.02])
     local = roma.rotvec_to_unitquat(torch.stack([angles, 0 * angles, 0 * angles], -1))[:, None]
@@ -82,7 +82,7 @@ def test_damping_lets_places_go_on_where_rotations_turn_straight():
         out, places, _ = interpolate_pose(local, roots, torch.zeros(1, 3), times, fine, smooth=smooth)
         swings.append(torch.stack([roma.unitquat_to_rotvec(out)[:, 0, 0], places[:, 0]]).amax(1) - 0.02)
     turn, place = swings[1] / swings[0]
-    assert turn < 0.3 and place > 0.9
+    assert turn < 0.25 and place > 0.45
 
 
 def test_cubic_follows_uniform_turn_and_parabola():
