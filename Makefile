@@ -268,7 +268,8 @@ pretrain-train:
 pretrain-pack:
 	@$(PUMPS) pack-weights $(R) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
 
-# How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the weights are good and bad at.
+# How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the
+# weights are good and bad at.
 pretrain-measure:
 	@test -f $(R)/packed/$(RECIPE)/confidence.json || $(PUMPS) calibrate $(R)/packed/$(RECIPE) --motion $(R)/ingest
 	@test -f $(R)/evaluate/manifest.json || \
