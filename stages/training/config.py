@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -20,10 +21,13 @@ class TrainingConfig(DeviceConfig):
     )
     window: int = Field(128, description="Frames in a window.", ge=4)
     points: int = Field(256, description="Points in a cloud.", ge=8)
-    learning_rate: float = Field(1e-4, description="Peak learning rate of AdamW.")
+    optimiser: Literal["adamw", "muon"] = Field(
+        "adamw", description="adamw, or muon: Muon for the layers' matrices and AdamW for the rest, at the same rate."
+    )
+    learning_rate: float = Field(1e-4, description="Peak learning rate.")
     warmup: int = Field(200, description="Steps of linear warm-up; inverse-square-root decay after them.")
     cooldown: float = Field(0.2, description="Share of the steps over which the rate falls to zero at the end.")
-    weight_decay: float = Field(0.01, description="AdamW's weight decay.")
+    weight_decay: float = Field(0.01, description="Weight decay.")
     clip_norm: float = Field(1.0, description="Largest gradient norm.")
     average: float = Field(0.999, description="Decay of the moving average of the weights that is kept; 0 for none.")
     sigma_min_m: float = Field(0.025, description="Least standard deviation of the points' offsets, metres.")

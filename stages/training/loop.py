@@ -21,9 +21,10 @@ from stages.progress import SILENT, Progress
 from stages.training.batches import drawn_ahead, parts_of
 from stages.training.config import TrainingConfig
 from stages.training.log import TrainingLog
+from stages.training.optimiser import Optimiser
 from stages.training.ranks import Ranks, join_ranks
 from stages.training.task import Task, step_generator
-from stages.training.unfinished import Place, Unfinished, arrays_of, moments_of, set_moments, set_weights
+from stages.training.unfinished import Place, Unfinished, arrays_of, set_weights
 
 _NETWORK = 2  # the purpose of the generators
 _LOG_EVERY = 20
@@ -83,9 +84,7 @@ class _Run:
             raise UsageError("A training of so many minutes runs in one process.", "Give steps instead of minutes.")
         self.named = dict(task.networks.named_parameters())
         self.device = next(iter(self.named.values())).device
-        rates = {"lr": config.learning_rate, "betas": (0.9, 0.98), "weight_decay": config.weight_decay}
-        # Fused, a parameter and its moments pass a CPU's memory once, which takes a third of the time.
-        self.optimiser = torch.optim.AdamW(self.named.values(), **rates, fused=self.device.type == "cpu" or None)
+        self.optimiser = Optimiser(task.networks, config)
         for module in task.networks.modules():
             if hasattr(module, "checkpointing"):
                 setattr(module, "checkpointing", config.activation_checkpointing)  # noqa: B010, a plain attribute
@@ -127,7 +126,7 @@ class _Run:
         if self.log is not None:
             self.log.close()
         finished = self._done()
-        moments = arrays_of(moments_of(self.optimiser, self.named)) if config.keep_optimiser and finished else None
+        moments = arrays_of(self.optimiser.moments()) if config.keep_optimiser and finished else None
         return Trained(
             arrays_of(self.best_weights or self.average),
             self.log.rows if self.log is not None else [],
@@ -155,10 +154,8 @@ class _Run:
         """One step of the optimiser. Returns scalar tensors, on the device, that `_seen` reads."""
         config, step, task = self.config, self.place.step, self.task
         rate = learning_rate(config, step, self.place.seconds)
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate
         task.networks.train()
-        self.optimiser.zero_grad(set_to_none=True)
+        self.optimiser.zero_grad()
         whole = self.ranks.count * len(self.parts) == 1
         names: list[str] = []
         totals: Tensor | None = None
@@ -183,7 +180,7 @@ class _Run:
         self.bad_step = torch.where(
             torch.isfinite(numbers["loss"]), self.bad_step, torch.clamp(self.bad_step, max=float(step))
         )
-        self.optimiser.step()
+        self.optimiser.step(rate)
         self._follow()
         return {**numbers, "gradient_norm": norm, "learning_rate": torch.tensor(rate), "late": totals[-1]}
 
@@ -246,7 +243,7 @@ class _Run:
         """Write a checkpoint: weights, the optimiser's moments, the average and the best."""
         if self.log is None:
             return
-        tensors = moments_of(self.optimiser, self.named)
+        tensors = self.optimiser.moments()
         tensors |= {f"average/{name}": value for name, value in self.average.items()}
         tensors |= {f"best/{name}": value for name, value in self.best_weights.items()}
         self.unfinished.keep(self.place, self.task.networks.state_dict(), tensors, self.log.rows)
@@ -264,7 +261,7 @@ class _Run:
             return []
         arrays = kept.optimiser or {}
         set_weights(networks, kept.weights, source=self.unfinished.folder)
-        set_moments(self.optimiser, self.named, arrays)
+        self.optimiser.set_moments(arrays)
         tensors = {name: torch.from_numpy(np.array(value)).to(self.device) for name, value in arrays.items()}
         self.average = {name: tensors[f"average/{name}"] for name in networks.state_dict()}
         self.best_weights = {name[5:]: value for name, value in tensors.items() if name.startswith("best/")}
@@ -275,7 +272,7 @@ class _Run:
     def _start_from(self, initial: Any) -> None:
         source = read_checkpoint(initial)
         fresh = set_weights(self.task.networks, source.weights, source=initial)
-        set_moments(self.optimiser, self.named, source.optimiser or {})
+        self.optimiser.set_moments(source.optimiser or {})
         state = "with" if source.optimiser else "without"
         new = f"; {len(fresh)} of the weights start fresh, such as {fresh[0]}" if fresh else ""
         self.progress.message(f"starting from {initial}, {state} its optimiser's state{new}.")

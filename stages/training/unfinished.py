@@ -125,29 +125,6 @@ def arrays_of(tensors: Mapping[str, Tensor]) -> dict[str, np.ndarray]:
     return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
 
 
-def moments_of(optimiser: torch.optim.Optimizer, named: Mapping[str, nn.Parameter]) -> dict[str, Tensor]:
-    """The optimiser's state as "key/parameter" -> tensor."""
-    return {
-        f"{key}/{name}": torch.as_tensor(value)
-        for name, parameter in named.items()
-        for key, value in optimiser.state.get(parameter, {}).items()
-    }
-
-
-def set_moments(
-    optimiser: torch.optim.Optimizer, named: Mapping[str, nn.Parameter], arrays: Mapping[str, np.ndarray]
-) -> None:
-    """Give an AdamW the state that `moments_of` told; parameters that it does not name stay as they are."""
-    for name, parameter in named.items():
-        if f"step/{name}" in arrays:
-            moments = {
-                key: torch.from_numpy(np.array(arrays[f"{key}/{name}"])) for key in ("step", "exp_avg", "exp_avg_sq")
-            }
-            optimiser.state[parameter] = {
-                key: value if key == "step" else value.to(parameter.device) for key, value in moments.items()
-            }
-
-
 def set_weights(networks: nn.Module, arrays: Mapping[str, np.ndarray], *, source: Path) -> list[str]:
     """Give the networks the weights of a checkpoint; those it does not name stay as they are, and are returned.
 

@@ -50,14 +50,15 @@ def config_for(clouds, output, **changes) -> Config:
     return Config(tpc=clouds, output=output, **{**TINY, **changes})
 
 
-def test_a_killed_run_resumes_bit_for_bit(clouds, tmp_path):
-    run(config_for(clouds, tmp_path / "whole"))
+@pytest.mark.parametrize("optimiser", ["adamw", "muon"])
+def test_a_killed_run_resumes_bit_for_bit(clouds, tmp_path, optimiser):
+    run(config_for(clouds, tmp_path / "whole", optimiser=optimiser))
     with pytest.raises(Killed):
-        run(config_for(clouds, tmp_path / "broken"), progress=KillAt(5))
+        run(config_for(clouds, tmp_path / "broken", optimiser=optimiser), progress=KillAt(5))
     kept = sorted(path.name for path in (partial_folder(tmp_path / "broken") / "checkpoints").iterdir())
     assert kept == ["step_000000002", "step_000000004"]
     assert not (tmp_path / "broken" / "manifest.json").exists()
-    report = run(config_for(clouds, tmp_path / "broken"))
+    report = run(config_for(clouds, tmp_path / "broken", optimiser=optimiser))
     assert report.figures["finished"]
     whole, broken = weights_of(tmp_path / "whole"), weights_of(tmp_path / "broken")
     assert all((whole[name] == broken[name]).all() for name in whole)
