@@ -99,10 +99,23 @@ class Unfinished:
             # Checkpoints of an older pumps have paths.
             if before in (self._settings, self._by_path) and kept.optimiser is not None:
                 return kept
-            progress.message(f"{self.folder.name} was made with other settings; starting afresh.")
-            self.forget()
+            others = sorted(
+                name for name in before.keys() | self._settings.keys() if before.get(name) != self._settings.get(name)
+            )
+            aside = self._set_aside()
+            progress.message(
+                f"{self.folder.name} was made with other settings ({', '.join(others)}); it is kept as {aside.name}, "
+                "and training is starting afresh."
+            )
             return None
         return None
+
+    def _set_aside(self) -> Path:
+        """Move it all to where a training with its own settings would not look, over what was there before."""
+        aside = self.folder.with_name(f"{self.config.output.name}.set-aside")
+        shutil.rmtree(aside, ignore_errors=True)
+        self.folder.rename(aside)
+        return aside
 
     def forget(self) -> None:
         """Remove it all."""

@@ -92,7 +92,16 @@ def test_a_run_goes_on_where_its_data_were_moved_but_not_with_other_data(clouds,
     others = write_clouds(tmp_path / "others", clips=4)
     with pytest.raises(Killed):
         run(config_for(others, tmp_path / "ae"), progress=Told(1))
-    assert "starting afresh" in said[-1] or any("starting afresh" in text for text in said)
+    assert any("other settings (tpc)" in text and "starting afresh" in text for text in said)
+    # Hours of training are not thrown away for a flag: put back, it goes on with its own settings.
+    aside = tmp_path / "ae.set-aside"
+    assert sorted(path.name for path in (aside / "checkpoints").iterdir())
+    shutil.rmtree(partial_folder(tmp_path / "ae"), ignore_errors=True)
+    aside.rename(partial_folder(tmp_path / "ae"))
+    said.clear()
+    with pytest.raises(Killed):
+        run(config_for(clouds, tmp_path / "ae"), progress=Told(1))
+    assert any("going on from step" in text for text in said)
 
 
 def test_time_that_is_over_leaves_a_run_to_go_on_with(clouds, tmp_path):
