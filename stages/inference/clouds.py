@@ -19,7 +19,7 @@ from stages.inference.local_pose import LocalPose, pose_of_motion
 from stages.inference.token_times import Tokens
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.plain_interpolation import Glide
-from stages.pointcloud.sampling import draw_points, place_points, points_in_bone
+from stages.pointcloud.sampling import draw_points, place_points, points_in_bone, spread_points
 
 CloudSource = Literal["synthesised", "reconstructed", "true", "latents"]
 CHUNK_TOKENS = 1024  # bounds the memory of a long clip
@@ -122,6 +122,17 @@ def draw_on_skeleton(
     bones, alphas, offsets = (torch.as_tensor(part, device=device) for part in drawn)
     tails = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device)
     groups = torch.as_tensor(skeleton.groups, device=device).long()[bones.long()]
+    return DrawnPoints(bones, points_in_bone(tails, bones, alphas, offsets, sigma_m), groups)
+
+
+def spread_on_skeleton(
+    skeleton: Skeleton, points: int, start: float, sigma_m: float, device: torch.device | str = "cpu"
+) -> DrawnPoints:
+    """Points spread evenly over the sampled bones; `start` in [0, 1) tells one such spread from another."""
+    tails = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device)
+    lengths = tails.norm(dim=-1) * torch.as_tensor(skeleton.sampled, device=device)
+    bones, alphas, offsets = spread_points(lengths, points, torch.tensor(start, device=device))
+    groups = torch.as_tensor(skeleton.groups, device=device).long()[bones]
     return DrawnPoints(bones, points_in_bone(tails, bones, alphas, offsets, sigma_m), groups)
 
 

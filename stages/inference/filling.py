@@ -29,6 +29,7 @@ from stages.inference.clouds import (
     Scene,
     draw_on_skeleton,
     find_clouds,
+    spread_on_skeleton,
 )
 from stages.inference.confidence import Confidence, trust_of
 from stages.inference.easing import ease_at_keys
@@ -192,7 +193,8 @@ def solve_clip(
         rng = np.random.default_rng(seed)
         drawn = draw_on_skeleton(skeleton, points, rng, options.sigma_m, device)
         count, size = (0, 0) if models is None else (max(options.draws, 1), models.autoencoder.points)
-        encoded = [draw_on_skeleton(skeleton, size, rng, options.sigma_m, device) for _ in range(count)]
+        starts = (np.arange(count) + 0.5) / max(count, 1)
+        encoded = [spread_on_skeleton(skeleton, size, start, options.sigma_m, device) for start in starts]
         clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)
         return Solved(scene, clouds, _solve_tokens(scene, clouds, options.solve), key_pose)
 

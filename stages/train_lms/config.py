@@ -27,6 +27,9 @@ class Config(TrainingConfig):
     ae: Path = Field(description="The autoencoder's checkpoint artefact.")
     latent: Path | None = Field(None, description="The latent artefact of these clips; it must be of this encoder.")
     synthesiser: NewSizes = NewSizes()
+    even: bool = Field(
+        True, description="Spread points evenly over the bones: latents then hang on the pose, hardly on the draw."
+    )
     reuse: int = Field(
         1,
         description="Steps that a window, once encoded, serves in: encoding costs more than half a step on a CPU.",

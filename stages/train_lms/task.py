@@ -121,7 +121,8 @@ class SynthesiserTask:
 
     def _clouds(self, windows: Windows, known: Tensor, rng: np.random.Generator, *, augment: bool) -> FillBatch:
         config = self.config
-        cloud = draw_clouds(windows, config.points, (config.sigma_min_m, config.sigma_max_m), rng, augment=augment)
+        sigma = (config.sigma_min_m, config.sigma_max_m)
+        cloud = draw_clouds(windows, config.points, sigma, rng, augment=augment, even=config.even)
         centre = known_centre(windows.heads, known)
         points = clouds_of(windows.heads, windows.rotations, cloud, centre)
         base = None

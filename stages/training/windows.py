@@ -16,7 +16,7 @@ from torch import Tensor
 from data_schemas.errors import InputError
 from data_schemas.tpc import TpcReader
 from stages.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
-from stages.pointcloud.sampling import place_points, points_in_bone
+from stages.pointcloud.sampling import place_points, points_in_bone, spread_points
 from stages.training.frame_cache import FrameCache
 from stages.training.proportions import with_other_proportions
 from stages.training.task import rows_of
@@ -186,15 +186,26 @@ class CloudMap:
 
 
 def draw_clouds(
-    windows: Windows, points: int, sigma_m: tuple[float, float], rng: np.random.Generator, *, augment: bool
+    windows: Windows,
+    points: int,
+    sigma_m: tuple[float, float],
+    rng: np.random.Generator,
+    *,
+    augment: bool,
+    even: bool = False,
 ) -> CloudMap:
     """Draw points and a placing for each window: yaw over the whole circle, up to half a metre on each axis, and
-    with `augment` mirror and size. Each window's are drawn from its own generator (`rows_of`)."""
+    with `augment` mirror and size. `even`: points are spread evenly (`spread_points`). Each window's are drawn from
+    its own generator (`rows_of`)."""
     rows = rows_of(rng, len(windows.heads))
-    draws = [_draw_points(row, points) for row in rows]
-    chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+    if even:
+        start = torch.tensor([row.random() for row in rows])
+        bones, alphas, offsets = spread_points(windows.weights, points, start)
+    else:
+        draws = [_draw_points(row, points) for row in rows]
+        chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+        bones = _chosen(windows.weights, chance)
     placing = np.stack([row.random(7) for row in rows])
-    bones = _chosen(windows.weights, chance)
     sigma = torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float()
     in_bone = points_in_bone(windows.tails, bones, alphas, offsets, sigma)
     groups = torch.gather(windows.groups, 1, bones)

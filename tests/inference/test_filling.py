@@ -130,12 +130,10 @@ def test_latents_given_are_decoded(models):
     """The true cloud's latents, handed in, give what `reconstructed` finds by itself."""
     skeleton, known = humanoid(), keys_every(40, 13)
     motion = swinging(skeleton, 40)
-    from stages.inference.clouds import draw_on_skeleton, place_on_pose
+    from stages.inference.clouds import place_on_pose, spread_on_skeleton
     from stages.inference.local_pose import pose_of_motion
 
-    rng = np.random.default_rng(3)
-    draw_on_skeleton(skeleton, 64, rng, 0.05)  # the decoded cloud's; the encoded one comes after it
-    drawn = draw_on_skeleton(skeleton, models.autoencoder.points, rng, 0.05)
+    drawn = spread_on_skeleton(skeleton, models.autoencoder.points, 0.5, 0.05)
     points = place_on_pose(drawn, pose_of_motion(skeleton, motion), skeleton)
     latents = models.encode(points, drawn.groups)
     one = FillOptions(draws=1)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stages.pointcloud.sampling import draw_points, place_points, points_in_bone
+from stages.pointcloud.sampling import draw_points, place_points, points_in_bone, spread_points
 
 
 def test_points_are_drawn_in_proportion_to_the_weights_and_never_on_unseen_bones():
@@ -50,3 +50,34 @@ def test_a_cloud_moves_with_its_motion_and_keeps_its_points_apart():
     same = bones == 0
     first = torch.cdist(placed[0, same], placed[0, same])
     torch.testing.assert_close(torch.cdist(placed[4, same], placed[4, same]), first, atol=1e-4, rtol=1e-4)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    weights=st.lists(st.sampled_from([0.0, 0.1, 0.5, 1.0, 3.0]), min_size=1, max_size=9).filter(any),
+    start=st.floats(0, 1, exclude_max=True),
+    points=st.integers(1, 70),
+)
+def test_points_spread_evenly_hold_each_bones_share_to_within_one(weights, start, points):
+    shares = torch.tensor(weights)
+    bones, alphas, offsets = spread_points(shares, points, torch.tensor(start))
+    count = torch.bincount(bones, minlength=len(weights))
+    assert (count[shares == 0] == 0).all()
+    assert (count - points * shares / shares.sum()).abs().max() <= 1 + 1e-4
+    assert alphas.min() >= 0 and alphas.max() <= 1 and torch.isfinite(offsets).all()
+    place = shares.cumsum(0)[bones] - shares[bones] + alphas * shares[bones]  # along the bones laid end to end
+    gaps = place.diff()
+    assert points == 1 or torch.allclose(gaps, (shares.sum() / points).expand_as(gaps), atol=1e-4)
+
+
+def test_points_spread_evenly_are_distributed_as_drawn_ones():
+    """Over all starts, places are uniform, and offsets of one cloud are as a normal distribution's."""
+    weights = torch.tensor([1.0, 0.0, 3.0]).expand(400, 3)
+    bones, alphas, offsets = spread_points(weights, 16, torch.arange(400) / 400)
+    assert torch.histc(alphas[bones == 2], 10, 0, 1).min() > 0.095 * (bones == 2).sum()
+    many = spread_points(weights[0], 256, torch.tensor(0.5))[2]
+    assert many.mean(0).abs().max() < 0.02 and (many.std(0) - 1).abs().max() < 0.05
+    assert (torch.corrcoef(many.T) - torch.eye(3)).abs().max() < 0.05
+    one = [spread_points(weights[0], 16, torch.tensor(start)) for start in (0.0, 0.25)]
+    for row, (own, alpha, offset) in zip((0, 100), one, strict=True):
+        assert (bones[row] == own).all() and (alphas[row] == alpha).all() and (offsets[row] == offset).all()

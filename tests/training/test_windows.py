@@ -12,6 +12,7 @@ from stages.kinematics.forward import global_rotations, joint_positions, local_r
 from stages.kinematics.plain_interpolation import Glide, interpolate_pose
 from stages.kinematics.window_interpolation import interpolate_windows
 from stages.training.masks import draw_known
+from stages.training.task import step_random
 from stages.training.windows import WindowPool, clouds_of, draw_clouds, known_centre
 
 from .tiny_clouds import write_clouds
@@ -113,6 +114,19 @@ def test_redrawn_points_keep_their_groups(pool):
     again = cloud.redrawn(windows, rng)
     assert (windows.groups.gather(1, again.bones) == windows.groups.gather(1, cloud.bones)).all()
     assert (again.in_bone != cloud.in_bone).any()
+
+
+def test_points_spread_evenly_follow_from_each_windows_own_generator(pool):
+    rng = step_random(0, 1, 5, range(6))
+    windows = pool.draw(6, 4, rng, augment=False)
+    clouds = [
+        draw_clouds(windows, 30, (0.05, 0.05), step_random(0, 1, seed, range(6)), augment=False, even=True)
+        for seed in (5, 5, 6)
+    ]
+    assert (clouds[0].in_bone == clouds[1].in_bone).all() and (clouds[0].in_bone != clouds[2].in_bone).any()
+    assert (windows.groups.gather(1, clouds[0].bones) == clouds[0].groups).all()
+    held = (windows.weights > 0).gather(1, clouds[0].bones)
+    assert held.all()
 
 
 def test_yaw_goes_round_the_whole_circle(pool):
