@@ -5,6 +5,7 @@ The models see positions, body groups and times; which bone a point was drawn on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
@@ -17,7 +18,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.inference.binding import Binding, bind_points
 from stages.inference.local_pose import LocalPose, pose_of_motion
 from stages.inference.token_times import Tokens
-from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.conventions import MIRRORED_GROUP, MODEL_FPS
 from stages.kinematics.plain_interpolation import Glide
 from stages.pointcloud.sampling import draw_points, place_points, points_in_bone, spread_points
 
@@ -156,11 +157,15 @@ def find_clouds(
 ) -> Clouds:
     """The cloud that the solve follows, and what it is compared with.
 
+    Each view sees the clip turned about the vertical, every other one mirrored too; the models have learnt every
+    heading and both hands, so what each view says is as good, and its error is largely its own. Each makes its share
+    of the points that are followed, so that the solve takes their mean.
+
     Args:
         drawn: the points that are followed: as they are for the source "true", else as many decoded ones, of the same
             body groups.
-        encoded: draws of points to encode. What the encoder sees of a pose depends on where the points fell, and by
-            jumps; the mean over several draws' latents is far steadier.
+        encoded: points to encode, one cloud for each view. For the source "latents" there is one view, of the means
+            of their latents.
         models: None will do for the source "true".
         seed: of the decoded points' identities.
         latents: for the source "latents", (N, D) and centroids (N, 3) at the tokens.
@@ -171,19 +176,64 @@ def find_clouds(
         binding = bind_points(points[scene.is_key], groups, scene.skeleton, *scene.base_world(scene.is_key))
         return Clouds(points, None, binding)
     coder = models.autoencoder
-    plain = _encode_mean(coder, scene.base, encoded, scene.skeleton)
-    if source == "synthesised":
-        better = models.synthesise(*plain, scene.is_key, scene.times, plain)
-    elif latents is not None:
-        better = latents
-    else:
-        better = _encode_mean(coder, _truth(scene), encoded, scene.skeleton)
     noise = coder.draw_noise(len(groups), seed)
-    reference = coder.decode(*plain, scene.times, groups, noise).to(scene.device)
-    points = coder.decode(*better, scene.times, groups, noise).to(scene.device)
+    if source == "latents" and latents is not None:
+        views = [View(0.0, False)]
+        plain = [_encode_mean(coder, scene.base, encoded, scene.skeleton)]
+        better = [latents]
+    else:
+        views = views_of(len(encoded))
+        seen = list(zip(views, encoded, strict=True))
+        plain = [view.encode(coder, scene.base, each, scene.skeleton) for view, each in seen]
+        if source == "synthesised":
+            better = [models.synthesise(*each, scene.is_key, scene.times, each) for each in plain]
+        else:
+            better = [view.encode(coder, _truth(scene), each, scene.skeleton) for view, each in seen]
+    points, reference = (torch.zeros(len(scene.times), len(groups), 3, device=scene.device) for _ in range(2))
+    for number, view in enumerate(views):
+        own = slice(number, None, len(views))
+        for out, given in ((points, better[number]), (reference, plain[number])):
+            out[:, own] = view.decode(coder, given, scene.times, groups[own], noise[own]).to(scene.device)
     shown = torch.as_tensor(scene.tokens.spread(), device=scene.device)
     binding = bind_points(reference[shown], groups, scene.skeleton, *scene.base_world(shown))
     return Clouds(points, reference, binding)
+
+
+class View(NamedTuple):
+    """A way to look at a clip: turned by `yaw` radians about the vertical, then mirrored left to right or not."""
+
+    yaw: float
+    mirrored: bool
+
+    def turn(self, like: Tensor) -> Tensor:
+        """(3, 3), orthogonal."""
+        cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
+        side = -1.0 if self.mirrored else 1.0
+        rows = [[side * cosine, 0.0, side * sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
+        return torch.tensor(rows, dtype=like.dtype, device=like.device)
+
+    def groups(self, groups: Tensor) -> Tensor:
+        """The body groups as seen."""
+        return torch.tensor(MIRRORED_GROUP, device=groups.device)[groups.long()] if self.mirrored else groups
+
+    def encode(
+        self, coder: CloudAutoencoder, pose: LocalPose, drawn: DrawnPoints, skeleton: Skeleton
+    ) -> tuple[Tensor, Tensor]:
+        """Latents (T, D) and centroids (T, 3), as seen, of drawn points on a pose."""
+        points = place_on_pose(drawn, pose, skeleton)
+        return coder.encode(points @ self.turn(points).T, self.groups(drawn.groups))
+
+    def decode(
+        self, coder: CloudAutoencoder, given: tuple[Tensor, Tensor], times: Tensor, groups: Tensor, noise: Tensor
+    ) -> Tensor:
+        """Points (T, P, 3), turned back, of latents and centroids as seen."""
+        made = coder.decode(*given, times, self.groups(groups), noise)
+        return made @ self.turn(made)
+
+
+def views_of(count: int) -> list[View]:
+    """Views evenly around the clip, every other one mirrored."""
+    return [View(2 * math.pi * number / count, number % 2 == 1) for number in range(count)]
 
 
 def _encode_mean(

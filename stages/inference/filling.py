@@ -58,8 +58,8 @@ class FillOptions:
     ease_s:      what a gap's velocity lacks at a key is lent to its frames over so long, seconds (0: not at all).
     foot_lock:   hold feet that stand where they stand.
     sigma_m:     spread of the cloud around the bones.
-    draws:       clouds of fresh points to encode, each as large as the encoder was trained on; their latents' mean
-                 is used. Four win about as much as eight, and as much as four clouds of four times the points.
+    views:       how often the networks see the clip, turned and mirrored (`find_clouds`), each with points spread
+                 over the bones anew, as many as the encoder was trained on.
     """
 
     solve: SolveOptions = field(default_factory=SolveOptions)
@@ -72,7 +72,7 @@ class FillOptions:
     ease_s: float = 0.4
     foot_lock: bool = False
     sigma_m: float = 0.05
-    draws: int = 4
+    views: int = 4
 
 
 # Points without error: believe them.
@@ -192,7 +192,7 @@ def solve_clip(
     with torch.no_grad():
         rng = np.random.default_rng(seed)
         drawn = draw_on_skeleton(skeleton, points, rng, options.sigma_m, device)
-        count, size = (0, 0) if models is None else (max(options.draws, 1), models.autoencoder.points)
+        count, size = (0, 0) if models is None else (max(options.views, 1), models.autoencoder.points)
         starts = (np.arange(count) + 0.5) / max(count, 1)
         encoded = [spread_on_skeleton(skeleton, size, start, options.sigma_m, device) for start in starts]
         clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)

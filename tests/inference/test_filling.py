@@ -136,7 +136,7 @@ def test_latents_given_are_decoded(models):
     drawn = spread_on_skeleton(skeleton, models.autoencoder.points, 0.5, 0.05)
     points = place_on_pose(drawn, pose_of_motion(skeleton, motion), skeleton)
     latents = models.encode(points, drawn.groups)
-    one = FillOptions(draws=1)
+    one = FillOptions(views=1)
     given = fill_motion(
         skeleton, junk(motion, known), known, models, cloud="latents", latents=latents, points=64, seed=3, options=one
     )
@@ -147,7 +147,7 @@ def test_latents_given_are_decoded(models):
 def test_a_gap_that_cannot_be_followed_falls_back(models):
     skeleton, known = humanoid(), keys_every(31, 10)
     motion = swinging(skeleton, 31)
-    options = FillOptions(give_up_m=0.0, base_smooth=0.0, draws=1)
+    options = FillOptions(give_up_m=0.0, base_smooth=0.0, views=1)
     filled = fill_motion(skeleton, motion, known, models, points=64, options=options)
     assert filled.plain[~known].all()
     plain = fill_motion(skeleton, motion, known, models, points=64, options=replace(options, trust=0.0))
@@ -193,7 +193,7 @@ def test_small_corrections_are_not_believed(models):
     """Below the floor a joint stays plain and says so; above it little is lost."""
     skeleton, known = humanoid(), keys_every(61, 15)
     motion = swinging(skeleton, 61)
-    believing = FillOptions(draws=1, turn_floor_rad=0.0, shift_floor_m=0.0, smooth_span=0.0)
+    believing = FillOptions(views=1, turn_floor_rad=0.0, shift_floor_m=0.0, smooth_span=0.0)
     deaf = replace(believing, turn_floor_rad=10.0, shift_floor_m=10.0)
     full = fill_motion(skeleton, motion, known, models, points=64, options=believing)
     none = fill_motion(skeleton, motion, known, models, points=64, options=deaf)
