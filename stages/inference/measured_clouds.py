@@ -14,7 +14,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import ClipRow, TpcReader
 from stages.kinematics.forward import positions_of
-from stages.pointcloud.sampling import place_points, points_in_bone
+from stages.pointcloud.sampling import place_points, points_in_bone, spread_points
 from stages.statistics.archives import archive_of
 from stages.statistics.windows import Window, chosen_windows
 
@@ -120,6 +120,13 @@ def draw_cloud(window: MovingBones, points: int, rng: np.random.Generator) -> Dr
     """Points on the window's bones, each bone in proportion to its weight."""
     share = window.weights.astype(np.float64)
     return _with_places(rng.choice(len(share), size=points, p=share / share.sum()), rng)
+
+
+def spread_cloud(window: MovingBones, points: int, rng: np.random.Generator) -> DrawnCloud:
+    """Points spread evenly over the window's bones (`spread_points`), from a place drawn at random."""
+    weights = torch.from_numpy(np.asarray(window.weights, np.float64))
+    bones, alphas, offsets = (part.numpy() for part in spread_points(weights, points, torch.tensor(rng.random())))
+    return DrawnCloud(bones, alphas, offsets)
 
 
 def redraw_cloud(window: MovingBones, groups: Tensor, rng: np.random.Generator) -> DrawnCloud:

@@ -14,11 +14,9 @@ from torch import Tensor
 
 from data_schemas.clips import ClipRow
 from data_schemas.motion import skeleton_id
-from stages.inference.measured_clouds import DrawnCloud, MovingBones, bones_of_motion, draw_cloud
+from stages.inference.measured_clouds import DrawnCloud, MovingBones, bones_of_motion, draw_cloud, spread_cloud
 from stages.kinematics.retargeting import retarget
 from stages.kinematics.rig_changes import RIGS, Rigged, with_other_proportions, with_stiff_spine
-
-DRAWS = 4  # of the means over several draws, as many as filling takes
 
 
 @dataclass(frozen=True)
@@ -44,10 +42,12 @@ class Scene:
 
 @dataclass(frozen=True)
 class Encoded:
-    """What is encoded after a change: clouds (D, T, P, 3), draws whose latents are averaged, and groups (D, P)."""
+    """What is encoded after a change: the cloud (T, P, 3), its groups (P,), and whether its points were spread
+    evenly, as filling spreads them, and not drawn at random."""
 
-    clouds: Tensor
+    cloud: Tensor
     groups: Tensor
+    spread: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,9 @@ def unchanged(scene: Scene) -> Encoded:
     return _one(scene.cloud, scene.bones, scene.sigma_m)
 
 
-def several_draws(scene: Scene, bones: MovingBones, rng: np.random.Generator) -> Encoded:
-    """Fresh draws of a cloud on some bones."""
-    return _stacked([_fresh(scene, bones, rng) for _ in range(DRAWS)])
+def spread_evenly(scene: Scene, bones: MovingBones, rng: np.random.Generator) -> Encoded:
+    """Points spread evenly over some bones, from a place drawn at random."""
+    return replace(_one(spread_cloud(bones, scene.points, rng), bones, scene.sigma_m), spread=True)
 
 
 def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
@@ -88,15 +88,15 @@ def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
     return [
         *(Change(f"{frames} frames later", TIME, _later(frames), same_cloud=False) for frames in (1, 5)),
         Change("points redrawn", POINTS, lambda scene, rng: _fresh(scene, scene.bones, rng)),
-        Change("points redrawn, means", POINTS, lambda scene, rng: several_draws(scene, scene.bones, rng)),
+        Change("points spread evenly, anew", POINTS, lambda scene, rng: spread_evenly(scene, scene.bones, rng)),
         *(Change(f"sigma {sigma:g} m, same draw", POINTS, _sigma(sigma)) for sigma in (0.025, 0.075)),
         *(Change(f"{text} the points", POINTS, _count(factor)) for text, factor in counts),
         *(Change(f"size x {size:g}, same draw", BODY, _size(size), same_cloud=False) for size in (0.85, 1.2)),
         Change("limbs 15% longer or shorter, same draw", BODY, _proportions, same_cloud=False),
-        Change("rig: all-of-these", RIG, _rig(RIGS["all-of-these"], 1)),
-        *(Change(f"rig: {name}, means", RIG, _rig(change, DRAWS)) for name, change in RIGS.items()),
-        Change("rig: stiff-spine, means", RIG, _rig(lambda rigged, rng: with_stiff_spine(rigged), DRAWS)),
-        *(Change(f"retargeted to {name}, means", RETARGETED, _retargeted(other), same_cloud=False)
+        Change("rig: all-of-these", RIG, _rig(RIGS["all-of-these"], spread=False)),
+        *(Change(f"rig: {name}, spread", RIG, _rig(change, spread=True)) for name, change in RIGS.items()),
+        Change("rig: stiff-spine, spread", RIG, _rig(lambda rigged, rng: with_stiff_spine(rigged), spread=True)),
+        *(Change(f"retargeted to {name}, spread", RETARGETED, _retargeted(other), same_cloud=False)
           for name, other in (others or {}).items()),
         *(Change(f"turned by {degrees} degrees, same draw", TURN, _turned(degrees), same_cloud=False)
           for degrees in (15, 90, 180)),
@@ -111,12 +111,8 @@ RETARGETED = "the same motion on another data set's skeleton, by `pumps retarget
 TURN = "the whole window turned about the vertical: the latent is meant to tell"
 
 
-def _stacked(parts: list[Encoded]) -> Encoded:
-    return Encoded(torch.cat([part.clouds for part in parts]), torch.cat([part.groups for part in parts]))
-
-
 def _one(cloud: DrawnCloud, bones: MovingBones, sigma_m: float) -> Encoded:
-    return Encoded(cloud.on(bones, sigma_m).unsqueeze(0), cloud.groups(bones).unsqueeze(0))
+    return Encoded(cloud.on(bones, sigma_m), cloud.groups(bones))
 
 
 def _fresh(scene: Scene, bones: MovingBones, rng: np.random.Generator, points: int = 0) -> Encoded:
@@ -126,8 +122,8 @@ def _fresh(scene: Scene, bones: MovingBones, rng: np.random.Generator, points: i
 def _later(frames: int) -> Callable[[Scene, np.random.Generator], Encoded]:
     def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
         base = unchanged(scene)
-        kept = torch.arange(base.clouds.shape[1]).add(frames).clamp_max(base.clouds.shape[1] - 1)
-        return replace(base, clouds=base.clouds[:, kept])
+        kept = torch.arange(len(base.cloud)).add(frames).clamp_max(len(base.cloud) - 1)
+        return replace(base, cloud=base.cloud[kept])
 
     return apply
 
@@ -155,12 +151,12 @@ def _proportions(scene: Scene, rng: np.random.Generator) -> Encoded:
 
 
 def _rig(
-    change: Callable[[Rigged, np.random.Generator], Rigged], draws: int
+    change: Callable[[Rigged, np.random.Generator], Rigged], *, spread: bool
 ) -> Callable[[Scene, np.random.Generator], Encoded]:
     def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
         changed = change(scene.rigged, rng)
         bones = bones_of_motion(scene.row, scene.start, changed.skeleton, changed.motion)
-        return _fresh(scene, bones, rng) if draws == 1 else several_draws(scene, bones, rng)
+        return spread_evenly(scene, bones, rng) if spread else _fresh(scene, bones, rng)
 
     return apply
 
@@ -172,7 +168,7 @@ def _retargeted(other: Rigged) -> Callable[[Scene, np.random.Generator], Encoded
         if skeleton_id(scene.rigged.skeleton) == skeleton_id(other.skeleton):
             return None
         moved = retarget(scene.rigged.skeleton, scene.rigged.motion, other.skeleton, other.motion).motion
-        return several_draws(scene, bones_of_motion(scene.row, scene.start, other.skeleton, moved), rng)
+        return spread_evenly(scene, bones_of_motion(scene.row, scene.start, other.skeleton, moved), rng)
 
     return apply
 
@@ -184,6 +180,6 @@ def _turned(degrees: float) -> Callable[[Scene, np.random.Generator], Encoded]:
         turn = torch.tensor(
             [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]], dtype=torch.float32
         )
-        return replace(base, clouds=base.clouds @ turn.T)
+        return replace(base, cloud=base.cloud @ turn.T)
 
     return apply

@@ -22,7 +22,7 @@ from stages.inference.models import Autoencoder, load_autoencoder
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.resampling import resample, resampled_frames
 from stages.kinematics.rig_changes import Rigged
-from stages.measure_latents.changes import Change, Encoded, Scene, changes, scene_of, several_draws, unchanged
+from stages.measure_latents.changes import Change, Encoded, Scene, changes, scene_of, spread_evenly, unchanged
 from stages.measure_latents.config import Config
 from stages.measure_latents.summary import Measured, summary_md, terminal_lines
 from stages.pointcloud.assignment import paired_difference
@@ -39,13 +39,13 @@ _NEAR = 1  # frames off that still count as found
 
 @dataclass(frozen=True)
 class Base:
-    """A window before any change: latents (T, D) and centroids (T, 3), and the same as means of several draws."""
+    """A window before any change: latents (T, D) and centroids (T, 3), and the latents of points spread evenly."""
 
     scene: Scene
     truth: Encoded
     latents: Tensor
     centroids: Tensor
-    mean_latents: Tensor
+    spread_latents: Tensor
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -67,7 +67,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     book = _Book(bases)
     figures: dict[str, list[dict[str, float]]] = defaultdict(list)
     for number, base in enumerate(bases):
-        noise = autoencoder.draw_noise(base.truth.groups.shape[1], config.seed)
+        noise = autoencoder.draw_noise(len(base.truth.groups), config.seed)
         decoded = _decoded(autoencoder, base, base.truth, base.latents, base.centroids, noise, True)
         figures[BASE].append(decoded | _level(base, config.seed))
         for place, change in enumerate(rows_of):
@@ -92,7 +92,7 @@ class _Book:
     def __init__(self, bases: Sequence[Base]):
         self.bases = bases
         self.all = torch.cat([base.latents for base in bases])
-        self.all_means = torch.cat([base.mean_latents for base in bases])
+        self.all_spread = torch.cat([base.spread_latents for base in bases])
         self.window = torch.cat([torch.full((len(base.latents),), number) for number, base in enumerate(bases)])
         self.middle = self.all.mean(0)
         # Root-mean-square distance of two frames drawn at random: from anywhere, and from the same window.
@@ -160,15 +160,14 @@ def _other_skeletons(reader: MotionReader, scenes: Sequence[Scene]) -> dict[str,
 def _base(scene: Scene, autoencoder: Autoencoder, seed: int) -> Base:
     truth = unchanged(scene)
     latents, centroids = _encoded(autoencoder, truth)
-    mean, _ = _encoded(autoencoder, several_draws(scene, scene.bones, scene.seed(seed, 1)))
-    return Base(scene, truth, latents, centroids, mean)
+    spread, _ = _encoded(autoencoder, spread_evenly(scene, scene.bones, scene.seed(seed, 1)))
+    return Base(scene, truth, latents, centroids, spread)
 
 
 def _encoded(autoencoder: Autoencoder, what: Encoded) -> tuple[Tensor, Tensor]:
-    """Latents (T, D) and centroids (T, 3), means over the draws, on the CPU."""
-    each = [autoencoder.encode(cloud, groups) for cloud, groups in zip(what.clouds, what.groups, strict=True)]
-    latents, centroids = (torch.stack(parts).mean(0).cpu() for parts in zip(*each, strict=True))
-    return latents, centroids
+    """Latents (T, D) and centroids (T, 3), on the CPU."""
+    latents, centroids = autoencoder.encode(what.cloud, what.groups)
+    return latents.cpu(), centroids.cpu()
 
 
 def _figures(
@@ -179,8 +178,7 @@ def _figures(
     if changed is None:
         return {}
     latents, centroids = _encoded(autoencoder, changed)
-    means = len(changed.clouds) > 1
-    from_, anywhere = (base.mean_latents, book.all_means) if means else (base.latents, book.all)
+    from_, anywhere = (base.spread_latents, book.all_spread) if changed.spread else (base.latents, book.all)
     moved = float((latents - from_).square().sum(-1).mean().sqrt())
     figures = {"move_window": moved / book.apart_within, "move_any": moved / book.apart}
     centred, before = latents - book.middle, from_ - book.middle
@@ -205,9 +203,9 @@ def _decoded(
     of the same one, from the base's cloud (`cross`)."""
     times = torch.arange(len(latents), dtype=torch.float32)
     figures: dict[str, float] = {}
-    targets = [("own", changed.clouds[0], changed.groups[0])]
+    targets = [("own", changed.cloud, changed.groups)]
     if same_cloud:
-        targets.append(("cross", base.truth.clouds[0], base.truth.groups[0]))
+        targets.append(("cross", base.truth.cloud, base.truth.groups))
     for name, cloud, groups in targets:
         seeds = noise if len(noise) == len(groups) else autoencoder.draw_noise(len(groups), base.scene.start)
         made = autoencoder.decode(latents, centroids, times, groups, seeds).cpu()
@@ -219,9 +217,9 @@ def _decoded(
 
 def _level(base: Base, seed: int) -> dict[str, float]:
     """How far another draw of the base's cloud is from it: what of the decoded clouds' distance is no error."""
-    scene, groups = base.scene, base.truth.groups[0]
+    scene, groups = base.scene, base.truth.groups
     other = redraw_cloud(scene.bones, groups, scene.seed(seed, 0)).on(scene.bones, scene.sigma_m)
-    apart = paired_difference(other.unsqueeze(0), base.truth.clouds, groups.unsqueeze(0))
+    apart = paired_difference(other.unsqueeze(0), base.truth.cloud.unsqueeze(0), groups.unsqueeze(0))
     whole, moving, _ = distances(apart)
     return {"level_mm": 1000 * float(whole), "level_moving_mm": 1000 * float(moving)}
 

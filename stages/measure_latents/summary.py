@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.metrics import MetricRow
-from stages.measure_latents.changes import DRAWS, Change
+from stages.measure_latents.changes import Change
 from stages.measure_latents.config import Config
 from stages.settings.command_line import command_line
 from stages.statistics.bootstrap import Estimate, mean_interval
@@ -36,7 +36,8 @@ _LEGEND = (
     "right one. **Decoded**: mean distance of matched pairs between the cloud decoded from the changed latents and "
     "the cloud that was encoded (own), or the cloud before the change where the motion is the same (base); "
     "**its variation**: what of that changes over time. "
-    f"**Means**: over latents of {DRAWS} draws, compared with means over {DRAWS} other draws before the change."
+    "**Spread**: points spread evenly over the bones, as filling spreads them, compared with such points before the "
+    "change; all other rows are drawn at random."
 )
 
 
