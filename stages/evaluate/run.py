@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
 from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
+from stages.inference.models import window_seams
 from stages.progress import SILENT, Progress
 from stages.statistics.feel import TrueFeet, feel, true_feet
 from stages.statistics.feel_tables import feel_lines
@@ -142,30 +144,35 @@ def _measure_task(
         joints = measured_joints(batch.skeleton)
         truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)
         feet = true_feet(batch.skeleton, truth.positions) if config.protocol == "pumps" else None
+        seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.models.windows])
         if config.protocol == "pumps":
-            tally.add(batch.windows, TRUTH, feel(truth.positions, truth, joints, feet))
+            tally.add(batch.windows, TRUTH, feel(truth.positions, truth, joints, feet, seams=seams))
+        measured = _Measured(truth, batch, joints, feet, seams)
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
             filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
-            tally.add(batch.windows, method.name, _figures(filled, truth, batch, joints, feet, statistics, config))
+            tally.add(batch.windows, method.name, _figures(filled, measured, statistics, config))
     return tally
 
 
-def _figures(
-    made: Made,
-    truth: Truth,
-    batch: WindowBatch,
-    joints: np.ndarray,
-    feet: TrueFeet | None,
-    statistics: _Statistics,
-    config: Config,
-) -> Figures:
+class _Measured(NamedTuple):
+    """What the windows of a batch are measured by."""
+
+    truth: Truth
+    batch: WindowBatch
+    joints: np.ndarray
+    feet: TrueFeet | None
+    seams: np.ndarray
+
+
+def _figures(made: Made, by: _Measured, statistics: _Statistics, config: Config) -> Figures:
     positions, rotations, fell_back = made
     if config.protocol == "pumps":
-        return measure(positions, rotations, truth, joints) | feel(positions, truth, joints, feet, fell_back)
-    across = hip_joints(batch.skeleton)
-    deviation = statistics.of(batch, joints, across)
-    return measure_lafan1(positions, rotations, truth, joints, across, deviation)
+        felt = feel(positions, by.truth, by.joints, by.feet, fell_back, by.seams)
+        return measure(positions, rotations, by.truth, by.joints) | felt
+    across = hip_joints(by.batch.skeleton)
+    deviation = statistics.of(by.batch, by.joints, across)
+    return measure_lafan1(positions, rotations, by.truth, by.joints, across, deviation)
 
 
 def _rows(reader: MotionReader, archive: str, task: Task, tally: _Tally) -> list[MetricRow]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,6 +107,11 @@ class Models:
         sizes = self.synthesiser.sizes
         return Glide(sizes.glide_root_s, sizes.glide_turn_s)
 
+    @property
+    def windows(self) -> tuple[int, int]:
+        """Frames in the synthesiser's and in the decoder's windows."""
+        return self.window, self.autoencoder.window
+
     def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """As `Autoencoder.encode`."""
         return self.autoencoder.encode(points, groups)
@@ -183,6 +188,14 @@ def overlapping_windows(frames: int, window: int) -> Iterator[tuple[int, int, Te
     hill = hill * hill * (3 - 2 * hill)
     for start in starts:
         yield start, start + window, hill.clamp_min(1e-3)
+
+
+def window_seams(frames: int, windows: Sequence[int]) -> np.ndarray:
+    """(K,) frames of a clip of `frames` frames on both sides of where a window of one of these lengths begins or ends
+    inside it: where a pop would be, if windows did not fade into each other."""
+    spans = [span for window in windows for span in overlapping_windows(frames, window)]
+    inside = [edge for start, stop, _ in spans for edge in (start, stop) if 0 < edge < frames]
+    return np.array(sorted({frame for edge in inside for frame in (edge - 1, edge)}), np.int64)
 
 
 def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:

@@ -50,6 +50,7 @@ def feel(
     joints: np.ndarray,
     feet: TrueFeet | None,
     fell_back: np.ndarray | None = None,
+    seams: np.ndarray | None = None,
 ) -> Figures:
     """The figures of B windows; NaN where a window cannot tell one.
 
@@ -57,12 +58,15 @@ def feel(
         positions: (B, T, J, 3) metres, of a method or of the truth itself, at 30 frames a second.
         joints: those that count.
         fell_back: (B, T, J) bool, True where a model left the plain interpolation as it is.
+        seams: (K,) frames at which models' windows meet.
     """
     missing = ~truth.known
     found = {
         "key_jump_mps": key_jump_mps(positions[:, :, joints], keys_beside_gaps(truth.known)),
         "jerk_mps3": jerk_mps3(positions[:, :, joints], missing),
     }
+    if seams is not None and len(seams):
+        found["seam_share"] = seam_share(positions[:, :, joints], missing, seams)
     if feet is not None:
         found["foot_skate_mps"] = foot_skate_mps(positions[:, :, feet.joints], feet.contacts, missing)
         found["floor_penetration_mm"] = floor_penetration_mm(positions[:, :, feet.joints], feet, missing)
@@ -80,6 +84,22 @@ def key_jump_mps(positions: np.ndarray, keys: np.ndarray) -> np.ndarray:
         return np.full(len(positions), np.nan)
     before, at, after = (np.asarray(positions[:, keys + step], np.float64) for step in (-1, 0, 1))
     return MODEL_FPS * np.linalg.norm(after - 2 * at + before, axis=-1).mean(axis=(1, 2))
+
+
+def seam_share(positions: np.ndarray, missing: np.ndarray, seams: np.ndarray) -> np.ndarray:
+    """(B,) how much more velocity changes at missing frames where windows meet than at all other missing frames, mean
+    over joints. The truth has about 1, but for where these frames lie in their gaps; a pop would lie above. NaN
+    where one kind is missing, or nothing moves."""
+    inside = missing.copy()
+    inside[[0, -1]] = False
+    at_seam = np.zeros_like(inside)
+    at_seam[seams] = True
+    if not (inside & at_seam).any() or not (inside & ~at_seam).any():
+        return np.full(len(positions), np.nan)
+    bends = np.zeros(positions.shape[:2])
+    bends[:, 1:-1] = np.linalg.norm(np.diff(np.asarray(positions, np.float64), n=2, axis=1), axis=-1).mean(axis=-1)
+    here, elsewhere = (bends[:, inside & kind].mean(axis=1) for kind in (at_seam, ~at_seam))
+    return np.where(elsewhere > 1e-7, here / np.maximum(elsewhere, 1e-7), np.nan)
 
 
 def jerk_mps3(positions: np.ndarray, missing: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from stages.statistics.tables import Cell, Key, aligned, decimals_of, in_order, 
 
 COLUMNS = {
     "key_jump_mps": "velocity jump at keys (m/s)",
+    "seam_share": "at seams / elsewhere",
     "foot_skate_mps": "foot skate (m/s)",
     "floor_penetration_mm": "below the floor (mm)",
     "jerk_mps3": "jerk, share of the truth's",
@@ -18,8 +19,9 @@ COLUMNS = {
 ASIDE = ("lerp", "cubic")  # plain ways that filling does not start from: in the whole page alone
 LEGEND = (
     "Feel: mean [95% bootstrap interval over clips]. Jump and skate are best where they are the truth's own, jerk "
-    "where it is 1; nothing should be below the floor; fell back is the share of filled frames and bones that a "
-    "model left at the plain interpolation."
+    "where it is 1. At seams, where models' windows meet, velocity should change no more than it does in the rows "
+    "of the truth and of plain interpolation. Nothing should be below the floor; fell back is the share of filled "
+    "frames and bones that a model left at the plain interpolation."
 )
 
 
@@ -61,6 +63,6 @@ def _text(metric: str, method: str, cell: Cell | None) -> str:
         shown = Estimate(1.0, None, None) if method == TRUTH else cell.ratio
     if shown is None or not np.isfinite(shown.value):
         return ""
-    share = METRICS[metric].beside_truth or metric == "fell_back_share"
+    share = METRICS[metric].beside_truth or METRICS[metric].unit == ""
     digits = 2 if share else decimals_of(shown.value)
     return f"{shown.value:.{digits}f}{span_text(shown, digits)}"

@@ -44,6 +44,7 @@ METRICS: dict[str, Metric] = {
     "knn_cm": Metric("L_KNN", "cm", headline=True),
     "end_cm": Metric("L_end", "cm", headline=True),
     "key_jump_mps": Metric("Velocity jump at keys", "m/s", feel=True),
+    "seam_share": Metric("Velocity change at window seams", "", feel=True),
     "foot_skate_mps": Metric("Foot skate", "m/s", feel=True),
     "floor_penetration_mm": Metric("Below the floor", "mm", feel=True),
     "jerk_mps3": Metric("Jerk", "m/s³", feel=True, beside_truth=True),

@@ -9,6 +9,7 @@ from stages.inference.models import (
     _widened,
     load_weights,
     overlapping_windows,
+    window_seams,
 )
 from stages.shipped import SHIPPED, shipped_weights, weights_folder
 
@@ -22,6 +23,12 @@ def test_windows_cover_every_frame_and_never_exceed_their_size(frames, window):
         assert (fade > 0).all()
         weights[start:stop] += fade
     assert (weights > 0).all()
+
+
+def test_seams_are_the_frames_on_both_sides_of_where_windows_begin_and_end():
+    assert window_seams(16, [8]).tolist() == [3, 4, 7, 8, 11, 12]  # windows 0-8, 4-12, 8-16
+    assert window_seams(121, [96]).tolist() == [24, 25, 95, 96]
+    assert len(window_seams(8, [8, 24])) == 0
 
 
 def test_where_windows_meet_weights_fade_so_that_nothing_jumps():

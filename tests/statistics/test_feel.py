@@ -75,6 +75,22 @@ def test_key_jumps_and_jerk_are_those_of_plain_loops() -> None:
     assert set(found) == {"key_jump_mps", "jerk_mps3"}  # no feet, no model
 
 
+def test_a_pop_where_windows_meet_stands_out() -> None:
+    """A figure on an even path, and the same with a step in it between two windows."""
+    times = np.linspace(0, 2, FRAMES)
+    path = standing() + np.stack([np.sin(3 * times), times * 0, times], -1)[None, :, None]
+    known, joints, seams = every(39), np.arange(9), np.array([19, 20])
+    smooth = feel(path, truth_of(path, known), joints, None, seams=seams)["seam_share"][0]
+    popped = path.copy()
+    popped[:, 20:] += 0.03
+    found = feel(popped, truth_of(path, known), joints, None, seams=seams)["seam_share"][0]
+    bends = np.linalg.norm(np.diff(path[0, :, 0], n=2, axis=0), axis=-1)  # of frames 1 to 38
+    assert smooth[0] == pytest.approx(bends[[18, 19]].mean() / np.delete(bends, [18, 19]).mean())
+    assert found[0] > 5 * smooth[0]
+    none = feel(path, truth_of(path, np.ones(FRAMES, bool)), joints, None, seams=seams)["seam_share"][0]
+    assert np.isnan(none).all()
+
+
 def test_known_runs_do_not_count_as_jerk_or_skate() -> None:
     truth = standing()
     known = np.ones(FRAMES, bool)
@@ -158,9 +174,9 @@ def test_the_table_has_a_row_for_the_truth_and_jerk_as_a_share_of_it() -> None:
     rows.append(replace(ROW, clip="z", method="other clips", metric="jerk_mps3", value=7.0))
     found = cells(rows)
     text = feel_markdown(found, "set")
-    assert "| interpolation 15 | truth | 0.100 [0.100, 0.100] |  |  | 1.00 |  |" in text
-    assert "|  | ours | 0.200 [0.200, 0.200] |  |  | 0.80 [0.80, 0.80] | 0.25 |" in text
-    assert "|  | other clips |  |  |  |  |  |" in text  # no truth of its clips, so no share
+    assert "| interpolation 15 | truth | 0.100 [0.100, 0.100] |  |  |  | 1.00 |  |" in text
+    assert "|  | ours | 0.200 [0.200, 0.200] |  |  |  | 0.80 [0.80, 0.80] | 0.25 |" in text
+    assert "|  | other clips |  |  |  |  |  |  |" in text  # no truth of its clips, so no share
     jump = found["set", "interpolation", 15, "key_jump_mps", "ours"]
     assert jump.ratio is None  # smaller is not better
     assert "lerp" in text and not any(" lerp " in line for line in feel_lines(found))
