@@ -67,7 +67,7 @@ def test_what_was_measured_goes_with_the_weights(trained, tmp_path):
     assert row["task"] == "interpolation" and row["high"] < 0.6 < row["ratio"] + 0.15
     card = (tmp_path / "packed" / "MODEL_CARD.md").read_text()
     assert "Good at: interpolation 15" in card and "| damped |" in card
-    assert sum(line.startswith("|  | pumps |  | 0.0200") for line in card.splitlines()) == 1
+    assert sum(line.startswith("|  | pumps |  |  | 0.0200") for line in card.splitlines()) == 1
     assert "### Feel\n" in card and "plain interpolation. Of a." in card
     assert "| interpolation 15 | truth |  | 0.0100" in card
     assert "another" not in card and "lerp |  | 0.4" not in card.replace("slerp", "")
