@@ -69,8 +69,8 @@ def test_what_was_measured_goes_with_the_weights(trained, tmp_path):
     assert "Good at: interpolation 15" in card and "| damped |" in card
     assert sum(line.startswith("|  | pumps |  |  | 0.0200") for line in card.splitlines()) == 1
     assert "### Feel\n" in card and "plain interpolation. Of a." in card
-    assert "| interpolation 15 | truth |  | 0.0100" in card
-    assert "another" not in card and "lerp |  | 0.4" not in card.replace("slerp", "")
+    assert "| interpolation 15 | truth |  |  | 0.0100" in card
+    assert "another" not in card and "lerp |  |  | 0.4" not in card.replace("slerp", "")
 
 
 def test_what_was_measured_of_other_weights_is_refused(trained, tmp_path):
