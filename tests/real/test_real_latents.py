@@ -48,13 +48,15 @@ def means(output: Path) -> dict[tuple[str, str], float]:
 
 
 def test_another_rig_moves_latents_no_more_than_another_draw(motions: Path, tmp_path: Path):
+    """With points spread evenly all rigs stay well below what drawing points at random moves latents by."""
     every = ("train", "val", "test")
     measure_latents(LatentsConfig(motion=motions, output=tmp_path / "out", splits=every, max_windows=3, window=48))
     found = means(tmp_path / "out")
-    redrawn = found["points redrawn, means", "move_any"]
+    redrawn = found["points redrawn", "move_any"]
     for rig in ("twist-joints", "fingers", "other-axes", "extra-spine", "all-of-these"):
-        assert found[f"rig: {rig}, means", "move_any"] < 1.6 * redrawn
-    assert redrawn < found["points redrawn", "move_any"] < found["turned by 180 degrees, same draw", "move_any"]
+        assert found[f"rig: {rig}, spread", "move_any"] < 0.6 * redrawn, rig
+    assert found["points spread evenly, anew", "move_any"] < 0.6 * redrawn
+    assert redrawn < found["turned by 180 degrees, same draw", "move_any"]
 
 
 def test_clouds_come_back_about_as_far_as_two_true_draws_are(motions: Path, tmp_path: Path):
