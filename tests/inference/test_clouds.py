@@ -9,7 +9,7 @@ import torch
 import stages.clips
 from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
-from stages.inference.clouds import DrawnPoints, draw_on_skeleton, place_on_pose, spread_on_skeleton
+from stages.inference.clouds import DrawnPoints, draw_on_skeleton, place_on_pose, spread_on_skeleton, views_of
 from stages.inference.local_pose import pose_of_motion
 from stages.inference.models import load_weights
 
@@ -40,3 +40,36 @@ def test_a_spread_lies_on_seen_bones_and_tells_their_groups():
     tails = torch.as_tensor(skeleton.tails, dtype=torch.float32)[spread.bones]
     share = (spread.in_bone * tails).sum(-1) / tails.square().sum(-1)
     torch.testing.assert_close(spread.in_bone, share.unsqueeze(-1) * tails, atol=1e-6, rtol=1e-5)
+
+
+class Echo:
+    """A coder that keeps what it is shown and makes the same cloud again."""
+
+    def encode(self, points, groups):
+        self.points, self.seen_groups = points, groups
+        return points.mean(1), points.mean(1)
+
+    def decode(self, latents, centroids, times, groups, noise):
+        self.asked_groups = groups
+        return self.points
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_what_a_view_is_shown_comes_back_where_it_was(number):
+    skeleton, motion, _ = motion_of(read_bvh((CLIPS / "walk.bvh").read_bytes(), "walk.bvh"))
+    pose, drawn = pose_of_motion(skeleton, motion), spread_on_skeleton(skeleton, 32, 0.5, 0.05)
+    view, coder, there = views_of(4)[number], Echo(), place_on_pose(drawn, pose, skeleton)
+    given = view.encode(coder, pose, drawn, skeleton)
+    back = view.decode(coder, given, torch.arange(len(there)), drawn.groups, torch.zeros(32, 4))
+    torch.testing.assert_close(back, there, atol=1e-5, rtol=1e-5)
+    assert (coder.points[..., 1] == there[..., 1]).all()  # about the vertical alone
+    assert (coder.seen_groups == coder.asked_groups).all()
+    # Who walks on has the left side to the left of the way, mirrored or not: labels are exchanged with the sides.
+    shown, groups = coder.points, coder.seen_groups
+    up = torch.tensor([0.0, 1.0, 0.0])
+    way = shown[-1].mean(0) - shown[0].mean(0)
+    sides = (shown[:, groups == 3].mean(1) - shown[:, groups == 4].mean(1)).mean(0)
+    assert float(torch.linalg.cross(up, way) @ sides) > 0
+    mirrored = torch.linalg.det(view.turn(there)) < 0
+    assert bool(mirrored) == view.mirrored == (number % 2 == 1)
+    assert bool((groups != drawn.groups).any()) == view.mirrored
