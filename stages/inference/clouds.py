@@ -20,6 +20,7 @@ from stages.inference.local_pose import LocalPose, pose_of_motion
 from stages.inference.token_times import Tokens
 from stages.kinematics.conventions import MIRRORED_GROUP, MODEL_FPS
 from stages.kinematics.plain_interpolation import Glide
+from stages.pointcloud.heading import turned
 from stages.pointcloud.sampling import draw_points, place_points, points_in_bone, spread_points
 
 CloudSource = Literal["synthesised", "reconstructed", "true", "latents"]
@@ -205,13 +206,6 @@ class View(NamedTuple):
     yaw: float
     mirrored: bool
 
-    def turn(self, like: Tensor) -> Tensor:
-        """(3, 3), orthogonal."""
-        cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
-        side = -1.0 if self.mirrored else 1.0
-        rows = [[side * cosine, 0.0, side * sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
-        return torch.tensor(rows, dtype=like.dtype, device=like.device)
-
     def groups(self, groups: Tensor) -> Tensor:
         """The body groups as seen."""
         return torch.tensor(MIRRORED_GROUP, device=groups.device)[groups.long()] if self.mirrored else groups
@@ -220,15 +214,18 @@ class View(NamedTuple):
         self, coder: CloudAutoencoder, pose: LocalPose, drawn: DrawnPoints, skeleton: Skeleton
     ) -> tuple[Tensor, Tensor]:
         """Latents (T, D) and centroids (T, 3), as seen, of drawn points on a pose."""
-        points = place_on_pose(drawn, pose, skeleton)
-        return coder.encode(points @ self.turn(points).T, self.groups(drawn.groups))
+        points = turned(place_on_pose(drawn, pose, skeleton), torch.tensor(self.yaw))
+        return coder.encode(self._sided(points), self.groups(drawn.groups))
 
     def decode(
         self, coder: CloudAutoencoder, given: tuple[Tensor, Tensor], times: Tensor, groups: Tensor, noise: Tensor
     ) -> Tensor:
         """Points (T, P, 3), turned back, of latents and centroids as seen."""
         made = coder.decode(*given, times, self.groups(groups), noise)
-        return made @ self.turn(made)
+        return turned(self._sided(made), torch.tensor(-self.yaw))
+
+    def _sided(self, points: Tensor) -> Tensor:
+        return points * points.new_tensor([-1.0, 1.0, 1.0]) if self.mirrored else points
 
 
 def views_of(count: int) -> list[View]:
