@@ -25,11 +25,12 @@ from stages.train_lms.config import Config
 from stages.train_lms.rounds import DRAWS, drawing_step, draws_afresh
 from stages.training.batches import DRAW
 from stages.training.masks import draw_known
-from stages.training.task import RowRandom, step_random, step_seed
+from stages.training.task import RowRandom, step_generator, step_random, step_seed
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
 _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
 _LEAST_LATENT = 0.1
+_IDENTITIES = 7  # the purpose of the generators
 _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
 
 
@@ -57,7 +58,8 @@ class AgainBatch:
 @dataclass
 class LatentBatch:
     """What is learnt from, on the device: latents (B, T, D) and centroids (B, T, 3) metres of the true clouds and of
-    the base, groups (B, P), known and valid (B, T)."""
+    the base, groups (B, P), known and valid (B, T). Then what the frozen decoder makes of them: the decoded points'
+    identities (B, P, Z), the true latents' clouds (B, T, P, 3) and the base's mean square distance to them (B, T)."""
 
     latents: Tensor
     centroids: Tensor
@@ -66,6 +68,9 @@ class LatentBatch:
     groups: Tensor
     known: Tensor
     valid: Tensor
+    identities: Tensor
+    true_clouds: Tensor
+    base_squares: Tensor
 
 
 class SynthesiserTask:
@@ -174,7 +179,20 @@ class SynthesiserTask:
             # The base equals the truth at the keys, so only the missing frames of it are encoded.
             base = latents.clone(), centroids.clone()
             base[0][missing], base[1][missing] = self._encode(batch.base.to(device)[missing], groups[missing])
-        return LatentBatch(latents, centroids, *base, point_groups, known, valid)
+        identities = self.decoder.draw_noise(len(known), point_groups.shape[1], self._identity_random(batch))
+        with torch.no_grad(), precision(device, self.config.mixed_precision):
+            true_clouds = self._decode(latents, centroids, point_groups, identities)
+            plain = self._decode(base[0], base[1], point_groups, identities)
+        return LatentBatch(
+            latents, centroids, *base, point_groups, known, valid,
+            identities, true_clouds, _mean_squares(plain, true_clouds),
+        )  # fmt: skip
+
+    def _identity_random(self, batch: FillBatch) -> torch.Generator:
+        """Of the decoded points' identities; a window keeps them for its round, so that the truth is decoded once."""
+        if batch.step < 0:
+            return torch.Generator(device=self.device).manual_seed(0)
+        return step_generator(self.config.seed, _IDENTITIES, batch.step, batch.rows, self.device)
 
     def _latents_of(self, batch: FillBatch | AgainBatch) -> LatentBatch:
         """A batch's windows, encoded now or in an earlier step of the round."""
@@ -199,34 +217,32 @@ class SynthesiserTask:
             self.encoded[batch.step, batch.rows] = encoded
         return encoded
 
-    def _errors(self, batch: LatentBatch, generator: torch.Generator) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+    def _errors(self, batch: LatentBatch) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Missing frames' mean errors (scalars) of the network and of the base alone: `cloud`, between the clouds
         decoded from the made and from the true latents, metres, and `latent`."""
-        device, known, valid = self.device, batch.known, batch.valid
-        latents, centroids, point_groups = batch.latents, batch.centroids, batch.groups
-        base, missing = (batch.base_latents, batch.base_centroids), valid & ~known
-        times = torch.arange(known.shape[1], device=device).unsqueeze(0)
-        noise = self.decoder.draw_noise(len(point_groups), point_groups.shape[1], generator)
-        with precision(device, self.config.mixed_precision):
-            made = self.networks(latents, centroids, known, times, valid, base)
-            cloud = self._decode(made[0], made[1], point_groups, noise)
-            with torch.no_grad():
-                truth = self._decode(latents, centroids, point_groups, noise)
-                plain = self._decode(base[0], base[1], point_groups, noise)
-
+        known, valid, latents = batch.known, batch.valid, batch.latents
+        missing = valid & ~known
+        times = torch.arange(known.shape[1], device=self.device).unsqueeze(0)
+        with precision(self.device, self.config.mixed_precision):
+            base = batch.base_latents, batch.base_centroids
+            made = self.networks(latents, batch.centroids, known, times, valid, base)
+            clouds = self._decode(made[0], made[1], batch.groups, batch.identities)
         errors = [
             {
-                "cloud": _mean_root((points - truth).square().sum(-1).mean(-1), _LEAST_M, missing),
+                "cloud": _mean_root(squares, _LEAST_M, missing),
                 "latent": _mean_root((guess - latents).square().mean(-1), _LEAST_LATENT, missing),
             }
-            for points, guess in ((cloud, made[0]), (plain, base[0]))
+            for squares, guess in (
+                (_mean_squares(clouds, batch.true_clouds), made[0]),
+                (batch.base_squares, batch.base_latents),
+            )
         ]
         return errors[0], errors[1]
 
     def loss(self, batch: FillBatch | AgainBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Frames' root mean square errors, not squares, which would learn long gaps alone. The clouds' error is the
         one that a user sees; the latents' own (PUMPS 3.3) also asks for what the decoder does not look at."""
-        made, base = self._errors(self._latents_of(batch), generator)
+        made, base = self._errors(self._latents_of(batch))
         value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
         return value, {f"{name}_of_base": made[name].detach() / base[name] for name in made}
 
@@ -235,10 +251,15 @@ class SynthesiserTask:
         prediction; `score` is the clouds' mean."""
         shares: dict[str, dict[str, float]] = {"cloud": {}, "latent": {}}
         for name, batch in self.held_back:
-            made, base = self._errors(self._encode_batch(batch), torch.Generator(device=self.device).manual_seed(0))
+            made, base = self._errors(self._encode_batch(batch))
             for kind, found in shares.items():
                 found[f"{kind}_of_base_{name}"] = float(made[kind] / base[kind])
         return {"score": float(np.mean(list(shares["cloud"].values()))), **shares["cloud"], **shares["latent"]}
+
+
+def _mean_squares(clouds: Tensor, others: Tensor) -> Tensor:
+    """Mean over points of squared distances, (B, T) square metres, of clouds (B, T, P, 3)."""
+    return (clouds - others).square().sum(-1).mean(-1)
 
 
 def _mean_root(square: Tensor, least: float, missing: Tensor) -> Tensor:

@@ -60,3 +60,26 @@ def test_a_run_resumed_within_a_round_takes_the_same_steps(tmp_path):
         assert max(len(unbroken.encoded), len(resumed.encoded)) <= DRAWS
         loss_of(unbroken, 2 * DRAWS)
         assert len(unbroken.encoded) == 1
+
+
+def test_a_window_keeps_its_identities_and_what_the_decoder_makes_of_it(tmp_path):
+    clouds = write_clouds(tmp_path / "tpc")
+    sizes = {"width": 16, "heads": 2, "key_layers": 1, "fill_layers": 1, "frame_layers": 1}
+    ae = write_random_weights(tmp_path / "weights") / "ae"
+    config = Config(
+        tpc=clouds, ae=ae, output=tmp_path / "lms", batch=2, window=12, points=16, synthesiser=sizes, reuse=2,
+        mixed_precision=False,
+    )  # fmt: skip
+    with TpcReader(clouds) as reader:
+        task = SynthesiserTask(config, load_autoencoder(ae, "cpu"), *window_pools(reader, config), CPU)
+        held = task._latents_of(task.draw(step_random(0, 1, DRAWS + 3, range(2))))
+    times = torch.arange(12.0).unsqueeze(0)
+    for row in range(2):
+        part = slice(row, row + 1)
+        true, plain = (
+            task.decoder(latents[part], centroids[part], times, held.groups[part], held.identities[part])
+            for latents, centroids in ((held.latents, held.centroids), (held.base_latents, held.base_centroids))
+        )
+        torch.testing.assert_close(held.true_clouds[part], true)
+        torch.testing.assert_close(held.base_squares[part], (plain - true).square().sum(-1).mean(-1))
+    assert not torch.equal(held.identities[0], held.identities[1])
