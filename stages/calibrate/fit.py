@@ -1,61 +1,87 @@
-"""The fit: trust as a factor on corrections, by least squares, each bin drawn towards the wider one it lies in.
+"""The fit: trust as a factor on corrections, by least squares of where joints come to lie.
 
-For a gap's token of depth d, with corrections x and what they should have been y, the model is
-y = ((1 - d) * edge + d * middle) * x: two numbers for each bin. Each archive weighs the same; the trust that is kept
-is the least of the fits that leave one archive out, so that no one family of skeletons is what it hangs on.
+For a gap's token of depth d, the part p of the body has the trust (1 - d) * edge + d * middle, two numbers for each
+bin. What its corrections do, they do to the places of all joints further out, and one part's turns make up for
+another's; so all bins are fitted at once, to places (and, for a little, to angles), and not each to its own angles.
+A bin is drawn towards the wider one it lies in: that of its part and length, and this to that of its part. Each
+archive weighs the same; the trust that is kept is the least of the fits that leave one archive out, so that no one
+family of skeletons is what it hangs on.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from stages.inference.confidence import SHAPE
 
-BINS = SHAPE[:-1]
+_LENGTHS, _PARTS, _SIZES, _NODES = SHAPE
+_COUNT = int(np.prod(SHAPE))
 _TINY = 1e-12
 
 
 @dataclass
 class Sums:
-    """Normal equations of every bin: squares (bins, 2, 2), products (bins, 2), windows heard (bins), and the power of
-    what corrections should have been (bins)."""
+    """Normal equations of all bins' trust, in the order of a table of `SHAPE` laid out flat: squares (n, n), products
+    (n,), gaps heard (n,); and the power of what corrections should have done."""
 
-    squares: np.ndarray = field(default_factory=lambda: np.zeros((*BINS, 2, 2)))
-    products: np.ndarray = field(default_factory=lambda: np.zeros((*BINS, 2)))
-    heard: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
-    power: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
+    squares: np.ndarray = field(default_factory=lambda: np.zeros((_COUNT, _COUNT)))
+    products: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
+    heard: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
+    power: float = 0.0
 
-    def add(self, bins: tuple[int, int, int], depth: np.ndarray, made: np.ndarray, true: np.ndarray) -> None:
-        """A gap of one part: depth (n,), corrections made and true (n, ..., 3)."""
-        if not made.size:
-            return
-        made, true = made.reshape(len(depth), -1), true.reshape(len(depth), -1)
+    def add(
+        self, length_bin: int, size_bins: Sequence[int], depth: np.ndarray, made: np.ndarray, wanted: np.ndarray
+    ) -> None:
+        """A gap.
+
+        Args:
+            length_bin, size_bins: the gap's, and each part's.
+            depth: (n,) of its tokens. made: (parts, n, C) what each part's corrections change alone.
+            wanted: (n, C) what all together should change.
+        """
         nodes = np.stack([1 - depth, depth])
-        self.squares[bins] += (nodes[:, None] * nodes[None]) @ (made**2).sum(1)
-        self.products[bins] += nodes @ (made * true).sum(1)
+        columns = (nodes[None, :, :, None] * made[:, None]).reshape(_PARTS * _NODES, -1).astype(np.float64)
+        bins = [
+            np.ravel_multi_index((length_bin, part, size, node), SHAPE)
+            for part, size in enumerate(size_bins)
+            for node in range(_NODES)
+        ]
+        target = wanted.reshape(-1).astype(np.float64)
+        self.squares[np.ix_(bins, bins)] += columns @ columns.T
+        self.products[bins] += columns @ target
         self.heard[bins] += 1
-        self.power[bins] += float((true**2).sum())
+        self.power += float(target @ target)
 
     def scaled(self) -> Sums:
-        """As heavy as any other: the corrections made have one power in all."""
-        whole = max(float(np.trace(self.squares, axis1=-2, axis2=-1).sum()), _TINY)
+        """As heavy as any other: what corrections should have done has one power in all."""
+        whole = max(self.power, _TINY)
         return Sums(self.squares / whole, self.products / whole, self.heard, self.power / whole)
 
 
-def total(parts: list[Sums]) -> Sums:
+def total(parts: Sequence[Sums]) -> Sums:
     """All of them together."""
-    return Sums(*(np.sum([getattr(part, name) for part in parts], axis=0) for name in vars(Sums())))
+    return Sums(
+        np.sum([part.squares for part in parts], axis=0),
+        np.sum([part.products for part in parts], axis=0),
+        np.sum([part.heard for part in parts], axis=0),
+        sum(part.power for part in parts),
+    )
 
 
-def fit(parts: list[Sums], prior: float) -> np.ndarray:
-    """Trust SHAPE of archives that weigh alike."""
+def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
+    """Trust SHAPE of archives that weigh alike: of the body's parts; then what the gap's length, and then its size,
+    say else, each bin as if `prior` more gaps had said that it is like the wider one."""
     whole = total([part.scaled() for part in parts])
-    trust = np.broadcast_to(_solved(whole, (0, 1, 2), None, prior), SHAPE)
-    for summed in ((1, 2), (2,), ()):  # by gap; by gap and part; by gap, part and size
-        trust = np.broadcast_to(_solved(whole, summed, trust, prior), SHAPE)
-    return np.clip(trust, 0, 1)
+    trust = np.zeros(_COUNT)
+    for level in _levels():
+        left = level.T @ (whole.products - whole.squares @ trust)
+        squares, heard = level.T @ whole.squares @ level, level.T @ whole.heard
+        ridge = np.diag(squares) * prior / np.maximum(heard, 1) + _TINY
+        trust += level @ np.linalg.solve(squares + np.diag(ridge), left)
+    return np.clip(trust.reshape(SHAPE), 0, 1)
 
 
 def careful_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
@@ -66,22 +92,16 @@ def careful_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
 
 
 def gain(sums: Sums, trust: np.ndarray) -> float:
-    """The share of what corrections should have been, in squares, that they are right about: 1 is all, below 0 is
+    """The share of what corrections should have done, in squares, that they are right about: 1 is all, below 0 is
     harm."""
-    wrong = np.einsum("...ij,...i,...j->...", sums.squares, trust, trust) - 2 * (sums.products * trust).sum(-1)
-    return float(-wrong.sum() / max(float(sums.power.sum()), _TINY))
+    flat = trust.reshape(-1)
+    return float((2 * flat @ sums.products - flat @ sums.squares @ flat) / max(sums.power, _TINY))
 
 
-def _solved(whole: Sums, summed: tuple[int, ...], wider: np.ndarray | None, prior: float) -> np.ndarray:
-    """Least squares of bins added up over some axes, drawn towards `wider` as if `prior` more gaps had said that."""
-    squares, products, heard = (
-        values.sum(axis=summed, keepdims=True) for values in (whole.squares, whole.products, whole.heard)
-    )
-    ridge = np.trace(squares, axis1=-2, axis2=-1)[..., None] / 2
-    ridge = np.where(heard[..., None] > 0, ridge * prior / np.maximum(heard[..., None], 1), 1.0) + _TINY
-    towards = np.zeros(products.shape) if wider is None else _mean(wider, summed)
-    return np.linalg.solve(squares + ridge[..., None] * np.eye(2), (products + ridge * towards)[..., None])[..., 0]
-
-
-def _mean(trust: np.ndarray, summed: tuple[int, ...]) -> np.ndarray:
-    return trust.mean(axis=summed, keepdims=True) if summed else trust
+def _levels() -> list[np.ndarray]:
+    """(n, m) 0 and 1, which of m wider bins each lies in: those of parts; of lengths and parts; and itself."""
+    lengths, parts, sizes, nodes = np.indices(SHAPE).reshape(len(SHAPE), -1)
+    by_part = parts * _NODES + nodes
+    by_length = (lengths * _PARTS + parts) * _NODES + nodes
+    own = ((lengths * _PARTS + parts) * _SIZES + sizes) * _NODES + nodes
+    return [np.eye(each.max() + 1)[each] for each in (by_part, by_length, own)]

@@ -16,6 +16,7 @@ from data_schemas.skeleton import Motion
 from stages.calibrate.config import Config
 from stages.calibrate.fit import Sums, careful_fit, gain
 from stages.config import StageReport
+from stages.inference.clouds import Scene
 from stages.inference.confidence import (
     SHAPE,
     Confidence,
@@ -24,8 +25,10 @@ from stages.inference.confidence import (
     write_confidence,
 )
 from stages.inference.filling import FillOptions, Solved, believed_shares, solve_clip
-from stages.inference.local_pose import pose_of_motion
+from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion
 from stages.inference.models import Models, load_weights
+from stages.inference.solving import Corrections
+from stages.inference.token_times import Tokens
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.resampling import resample
 from stages.progress import SILENT, Progress
@@ -33,6 +36,8 @@ from stages.shipped import CONFIDENCE_NAME, weights_folder
 from stages.statistics.archives import archive_of
 from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 from stages.statistics.windows import Task, Window, chosen_windows, clip_windows
+
+ANGLE_M = 0.1  # what an angle weighs: a joint a radian off is as bad as one that is ten centimetres off
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -93,28 +98,52 @@ def _cut(motion: Motion, window: Window) -> Motion:
 
 
 def _add(sums: Sums, shrunk: Sums, solved: Solved, motion: Motion) -> None:
-    """Compare a filled window's corrections with those that would have met the truth; `shrunk` gets the same of
+    """Compare what a filled window's corrections do with what would have met the truth; `shrunk` gets the same of
     corrections shrunk by the fixed floors."""
     scene, made = solved.scene, solved.corrections
-    tokens, parents = scene.tokens, scene.skeleton.parents
+    skeleton, tokens = scene.skeleton, scene.tokens
     frames = torch.arange(motion.frames, device=scene.device).double()
-    truth = pose_of_motion(scene.skeleton, motion, scene.device).at(frames, scene.times)
-    turns = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(scene.base.local), truth.local))
-    root = scene.skeleton.root
-    shifts = truth.world(parents)[0][:, root] - scene.base.world(parents)[0][:, root]
+    truth = pose_of_motion(skeleton, motion, scene.device).at(frames, scene.times)
+    wanted = _change(scene, truth)
+    pairs = ((sums, _changes_by_part(scene, made)), (shrunk, _changes_by_part(scene, _with_floors(made, tokens))))
     for gap in tokens.gaps():
-        sizes = gap_sizes(tokens, gap, scene.skeleton, made)
+        sizes = gap_sizes(tokens, gap, skeleton, made)
+        for into, changes in pairs:
+            if np.isfinite(changes[:, gap]).all():
+                into.add(sizes.length_bin, sizes.size_bins.tolist(), sizes.depth, changes[:, gap], wanted[gap])
+
+
+def _change(scene: Scene, pose: LocalPose) -> np.ndarray:
+    """(N, C) how a pose differs from the base: places of the body's joints, metres, and angles at `ANGLE_M`."""
+    skeleton, base = scene.skeleton, scene.base
+    body = torch.as_tensor(skeleton.groups >= 0, device=scene.device)
+    places = pose.world(skeleton.parents)[0][:, body] - base.world(skeleton.parents)[0][:, body]
+    turns = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(base.local), pose.local))[:, body]
+    return torch.cat([places.flatten(1), ANGLE_M * turns.flatten(1)], -1).cpu().numpy()
+
+
+def _changes_by_part(scene: Scene, made: Corrections) -> np.ndarray:
+    """(parts, N, C) what each of `PARTS` changes by itself: the turns of its joints, or the pelvis' shift."""
+    skeleton, found = scene.skeleton, []
+    for joints in (*part_joints(skeleton, made), None):
+        turns, shifts = torch.zeros_like(made.turns), torch.zeros_like(made.shifts)
+        if joints is None:
+            shifts = made.shifts
+        else:
+            turns[:, joints] = made.turns[:, joints]
+        pose = correct_pose(scene.base, turns, shifts, skeleton, scene.motion.track_joints)
+        found.append(_change(scene, pose))
+    return np.stack(found)
+
+
+def _with_floors(made: Corrections, tokens: Tokens) -> Corrections:
+    """Corrections as they are used where there is no confidence."""
+    turns, shifts = made.turns.clone(), made.shifts.clone()
+    for gap in tokens.gaps():
         turn_shares, shift_share = believed_shares(made, gap, FillOptions())
-        pairs = [
-            (made.turns[gap][:, joints], turns[gap][:, joints], turn_shares[joints].unsqueeze(-1))
-            for joints in part_joints(scene.skeleton, made)
-        ]
-        pairs.append((made.shifts[gap], shifts[gap], shift_share))
-        for part, (own, true, share) in enumerate(pairs):
-            bins = (sizes.length_bin, part, int(sizes.size_bins[part]))
-            if bool(torch.isfinite(own).all()):
-                sums.add(bins, sizes.depth, own.cpu().numpy(), true.cpu().numpy())
-                shrunk.add(bins, sizes.depth, (own * share).cpu().numpy(), true.cpu().numpy())
+        turns[gap] *= turn_shares.unsqueeze(-1)
+        shifts[gap] *= shift_share
+    return made._replace(turns=turns, shifts=shifts)
 
 
 def _gains(archives: dict[str, Sums], shrunk: dict[str, Sums], name: str, config: Config) -> dict[str, float]:
@@ -135,8 +164,8 @@ def _report(
     lines = [
         f"Trust of {models.name} from {windows} windows of {len(gains)} archives, kept in "
         f"{weights_folder(config.weights) / CONFIDENCE_NAME}; mean {trust.mean():.2f}.",
-        "Share of what corrections should have been (squares) that they are right about; trust learned on the other "
-        "archives:",
+        "Share of what corrections should have done to places (squares) that they are right about; trust learned on "
+        "the other archives:",
     ]
     for name, each in gains.items():
         lines.append(f"  {name}: " + ", ".join(f"{how} {value:.3f}" for how, value in each.items()))
