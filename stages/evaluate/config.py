@@ -36,7 +36,7 @@ class Config(DeviceConfig):
     breakdown: bool = Field(
         False, description="Also the solve on true clouds, and on clouds reconstructed with nothing masked."
     )
-    foot_lock: bool = Field(False, description="Weights fill as `pumps infill --foot-lock` does.")
+    foot_lock: bool = Field(True, description="Weights hold feet that stand, as `pumps infill` does.")
     protocol: str = Field("pumps", description="pumps, or lafan1 (that benchmark's own definitions).")
     points: int = Field(256, description="Points of the cloud.", ge=8)
 

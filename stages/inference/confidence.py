@@ -3,7 +3,8 @@
 A correction is multiplied by its trust, between 0 and 1. Trust is looked up by the length of the gap, the part of the
 body and how large the gap's corrections of that part are, and runs linearly from `edge` at the gap's keys to `middle`
 halfway between them. It is the factor that would have brought the joints of held-back motions nearest to their true
-places (least squares), fitted by `pumps calibrate`; without it corrections are shrunk by fixed floors (`FillOptions`).
+places (least squares), fitted by `pumps calibrate`; without it corrections are shrunk by fixed floors
+(`FillOptions`).
 """
 
 from __future__ import annotations

@@ -40,6 +40,7 @@ from stages.inference.smoothing import bends_of_positions, bends_of_rotations, s
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
 from stages.inference.token_times import choose_tokens
 from stages.kinematics.conventions import MODEL_FPS
+from stages.kinematics.foot_contacts import has_feet
 from stages.kinematics.plain_interpolation import Glide, Smoothness, damped_smoothness, interpolate_values
 
 
@@ -56,7 +57,7 @@ class FillOptions:
     trust:       corrections are multiplied by this; 0 gives the base.
     give_up_m:   a gap whose points are left this far from their targets, on average, falls back to the base.
     ease_s:      what a gap's velocity lacks at a key is lent to its frames over so long, seconds (0: not at all).
-    foot_lock:   hold feet that stand where they stand.
+    foot_lock:   hold feet that stand where they stand, on a skeleton with two legs.
     sigma_m:     spread of the cloud around the bones.
     views:       how often the networks see the clip, turned and mirrored (`find_clouds`), each with points spread
                  over the bones anew, as many as the encoder was trained on.
@@ -147,7 +148,7 @@ def fill_motion(
         frame_base = key_pose.at(key_times, gap_times, smooth, glide)
         pose = _corrected(scene, applied, frame_base, gap_times)
     loose = _eased(skeleton, replace_rows(skeleton, motion, pose, gaps), known, options.ease_s)
-    filled = lock_feet(skeleton, loose, known).motion if options.foot_lock else loose
+    filled = lock_feet(skeleton, loose, known).motion if options.foot_lock and has_feet(skeleton) else loose
     plain = np.zeros(filled.rotations.shape[:2], bool)
     plain[gaps] = applied.fallen[tokens.nearest(gaps)]
     base_filled = replace_rows(skeleton, motion, frame_base, gaps)

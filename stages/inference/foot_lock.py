@@ -1,8 +1,8 @@
 """Feet that stand stay where they stand: a clean-up of filled frames that moves legs and nothing else.
 
 While a contact joint stands (`stages.kinematics.foot_contacts`), its foot is shifted as a whole to one place: through
-the keys' own places where keys are among the frames, else to the mean. The shift fades in and out over neighbouring
-frames, is nothing at every key, and the leg's joints above the foot are solved for it; the foot keeps its direction,
+the keys' own places where keys are among the frames, else to the mean. The shift comes and goes smoothly, is nothing
+at every key, and the leg's joints above the foot are solved for it; the foot keeps its direction,
 the pelvis its place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
 """
 
@@ -14,6 +14,8 @@ from itertools import pairwise
 import numpy as np
 import roma
 import torch
+from scipy.linalg import solveh_banded
+from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
@@ -25,13 +27,16 @@ from stages.kinematics.foot_contacts import (
     HEIGHT_SHARE,
     SPEED_SHARE,
     Feet,
+    contact_speeds,
     detect_contacts,
     find_feet,
     floor_levels,
 )
 from stages.kinematics.forward import global_rotations, positions_of
 
-FADE_S = 0.2
+SMOOTH_S, LOOSE, AT_KEYS = 0.06, 0.005, 1e6
+# A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
+SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 1.5
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was no standing one
 LEG = SolveOptions(point_noise_m=0.005, huber_m=1.0, turn_prior_rad=0.5, shift_prior_m=1e-4, iterations=12)
 STILL_RAD = 1e-4
@@ -70,13 +75,18 @@ def lock_feet(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> Locked:
 def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
     """(T, F) bool: contact joints that stand, in a motion of which some frames are filled.
 
-    By the definition of `detect_contacts`, with the floor of the known frames; and between two neighbouring keys in
+    By the definition of `detect_contacts`, with the floor of the known frames, but that slow is what is slow beside
+    the foot's own steps: filled feet glide where true ones stand and step, and of what stands at 0.35 legs a second
+    only seven tenths is found, of this nine tenths. And between two neighbouring keys in
     both of which a joint is low, in places that it could not have left and come back to while standing slow, all
     frames in which it stays low: that it slides there is the filling's doing. A joint that is further from its place
     than `FURTHEST_SHARE` of the leg does not stand.
     """
     levels = floor_levels(positions, feet, known)
-    contacts = detect_contacts(positions, feet, fps, levels=levels)
+    speeds = contact_speeds(positions, feet, fps)
+    fastest = maximum_filter1d(speeds, 2 * round(FASTEST_WITHIN_S * fps) + 1, axis=0)
+    slow = np.clip(SLOW_SHARE * fastest, SPEED_SHARE * feet.leg_m, SLOW_AT_MOST * feet.leg_m)
+    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow)
     low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
     keys = np.flatnonzero(known)
     for first, last in pairwise(keys):
@@ -104,7 +114,7 @@ def _foot_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np
         held = contacts[:, members]
         count = held.sum(1, keepdims=True)
         own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
-        shifts[:, leg] = _faded(own, np.asarray(held.any(1)), known, max(round(FADE_S * fps), 1))
+        shifts[:, leg] = _smooth(own, np.asarray(held.any(1)), known, fps)
     return shifts
 
 
@@ -121,24 +131,29 @@ def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray
     return out
 
 
-def _faded(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fade: int) -> np.ndarray:
-    """Shifts that grow to those of the held frames and die away again, and are nothing at keys.
+def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
+    """Shifts (T, 3) that follow those of the held frames, die away between them, and are nothing at keys.
 
-    A foot that stops to stand, or that changes from heel to toe, must not jump: over `fade` frames to each side the
-    shift goes from one to the other along a curve that begins and ends level.
+    A foot that stops to stand, or that changes from heel to toe, must not jump: of all paths the one is taken that is
+    near to what is wanted and bends little (Whittaker's smoother: squares of second differences), in held frames
+    within `SMOOTH_S`, elsewhere, where little is wanted, within what follows from `LOOSE`.
     """
-    frames = np.arange(len(shifts))
-    out = np.zeros_like(shifts)
-    anchors = np.flatnonzero(held | known)
-    out[anchors] = np.where(known[anchors, None], 0.0, shifts[anchors])
-    for run in _runs(~(held | known)):
-        before, after = int(run[0]) - 1, int(run[-1]) + 1
-        for edge, sign in ((before, 1), (after, -1)):
-            if 0 <= edge < len(shifts):
-                reach = min(fade, len(run) + 1)
-                share = np.clip(1 - sign * (frames[run] - edge) / reach, 0, 1)
-                out[run] += (share**2 * (3 - 2 * share))[:, None] * out[edge]
-    return out
+    count = len(shifts)
+    if count < 3:
+        return np.zeros_like(shifts)
+    weights = np.where(known, AT_KEYS, np.where(held, 1.0, LOOSE))
+    bends = np.zeros((3, count))  # the upper bands of D'D, D taking second differences
+    bends[2, :-2] += 1
+    bends[2, 1:-1] += 4
+    bends[2, 2:] += 1
+    bends[1, 1:-1] -= 2
+    bends[1, 2:] -= 2
+    bends[0, 2:] += 1
+    bends *= (SMOOTH_S * fps) ** 4
+    bends[2] += weights
+    wanted = np.where((held & ~known)[:, None], shifts, 0.0)
+    found = solveh_banded(bends, weights[:, None] * wanted)
+    return np.where(known[:, None], 0.0, found)
 
 
 def _runs(flags: np.ndarray) -> list[np.ndarray]:

@@ -32,6 +32,6 @@ class Config(DeviceConfig):
     skeleton_map: Path | None = Field(
         None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
     )
-    foot_lock: bool = Field(False, description="Hold feet that stand where they stand, by turning the legs.")
+    foot_lock: bool = Field(True, description="Hold feet that stand where they stand, by turning the legs.")
     points: int = Field(256, description="Points of the cloud.")
     overwrite: bool = Field(False, description="Replace an output that exists.")

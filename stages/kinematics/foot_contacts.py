@@ -72,6 +72,11 @@ def find_feet(skeleton: Skeleton) -> Feet:
     return Feet(np.array(joints), np.array(groups), ends, chains, leg)
 
 
+def has_feet(skeleton: Skeleton) -> bool:
+    """Whether `find_feet` finds any."""
+    return all(_leg_chain(skeleton, group) for group in LEGS)
+
+
 def _leg_chain(skeleton: Skeleton, group: int) -> tuple[int, ...]:
     """Sampled joints of a leg from the hip down, or all of its joints where none is sampled."""
     members = np.flatnonzero((skeleton.groups == group) & skeleton.sampled)
@@ -120,6 +125,7 @@ def detect_contacts(
     *,
     known: np.ndarray | None = None,
     levels: np.ndarray | None = None,
+    slow_mps: np.ndarray | None = None,
 ) -> np.ndarray:
     """Which contact joints stand in which frames, (T, F) bool, by the definition above.
 
@@ -127,10 +133,12 @@ def detect_contacts(
         positions: (T, J, 3) joints in the world, metres, Y up.
         known: (T,) bool, the frames that the floor's level is taken from; None for all.
         levels: (F,) the floor's levels, where they are known already.
+        slow_mps: (T, F) the speed up to which a joint is slow, where it is not `SPEED_SHARE` legs a second.
     """
     levels = floor_levels(positions, feet, known) if levels is None else levels
+    slow_mps = np.array(SPEED_SHARE * feet.leg_m) if slow_mps is None else slow_mps
     low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
-    slow = contact_speeds(positions, feet, fps) <= SPEED_SHARE * feet.leg_m
+    slow = contact_speeds(positions, feet, fps) <= slow_mps
     least = max(round(LEAST_S * fps), 1)
     filled = ~_long_runs(~(low & slow), least)
     return _long_runs(filled & low, least)

@@ -172,7 +172,7 @@ def test_archives_that_weights_were_trained_on_are_left_out(motions: Path, tmp_p
         clips("silent")
 
 
-def test_feet_are_held_where_it_is_asked(motions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_feet_are_held_as_infill_holds_them(motions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, asked = write_random_weights(tmp_path / "mine"), []
     fill = methods.fill_motion
 
@@ -182,7 +182,7 @@ def test_feet_are_held_where_it_is_asked(motions: Path, tmp_path: Path, monkeypa
 
     monkeypatch.setattr(methods, "fill_motion", watched)
     only = {"tasks": ("interpolation",), "intervals": (30,), "max_windows": 1, "points": 32, "breakdown": True}
-    run(Config(motion=motions, output=tmp_path / "m", weights=(str(folder),), foot_lock=True, **only))
+    run(Config(motion=motions, output=tmp_path / "m", weights=(str(folder),), **only))
     assert set(asked) == {("synthesised", True), ("reconstructed", False), ("true", False)}
 
 

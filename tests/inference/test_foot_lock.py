@@ -14,7 +14,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
 from stages.inference.filled import skates
-from stages.inference.foot_lock import lock_feet, standing_feet
+from stages.inference.foot_lock import AT_KEYS, LOOSE, SMOOTH_S, _smooth, lock_feet, standing_feet
 from stages.inference.local_pose import pose_of_motion, replace_rows, rows_of_motion
 from stages.kinematics.foot_contacts import find_feet
 from stages.kinematics.forward import positions_of
@@ -44,7 +44,7 @@ def test_feet_slide_less_and_keys_stay(name: str, step: int):
     skeleton, _, filled, known = interpolated(name, step)
     locked = lock_feet(skeleton, filled, known)
     before, after = skates(skeleton, filled, known, filled, locked.motion)
-    assert after < 0.6 * before
+    assert after < 0.7 * before
     for field in ("rotations", "root_positions", "tracks"):
         ours, theirs = getattr(locked.motion, field), getattr(filled, field)
         assert ours[known].tobytes() == theirs[known].tobytes()
@@ -92,3 +92,27 @@ def test_a_foot_that_slides_between_two_keys_in_one_place_is_found():
 def test_nothing_hidden_nothing_changed():
     skeleton, motion, _, _ = interpolated("walk", 15)
     assert lock_feet(skeleton, motion, np.ones(motion.frames, bool)).motion is motion
+
+
+def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
+    wanted = np.zeros((60, 3))
+    wanted[10:25], wanted[26:40] = 0.1, -0.05  # from heel to toe: two places in neighbouring frames
+    held, known = wanted[:, 0] != 0, np.zeros(60, bool)
+    known[[0, 32, 59]] = True
+    found = _smooth(wanted, held, known, 30.0)
+    assert (found[known] == 0).all()
+    np.testing.assert_allclose(found[14:21], 0.1, atol=0.01)  # in the middle of a stand
+    assert np.abs(np.diff(found, n=3, axis=0)).max() < 0.25 * np.abs(np.diff(wanted, n=3, axis=0)).max()
+    assert np.abs(found[[3, 55]]).max() < 0.04  # it dies away
+
+    def cost(path: np.ndarray) -> float:
+        """What `_smooth` makes least, written out."""
+        weights = np.where(known, AT_KEYS, np.where(held, 1.0, LOOSE))[:, None]
+        target = np.where((held & ~known)[:, None], wanted, 0)
+        bent = np.diff(path, n=2, axis=0)
+        return float((weights * (path - target) ** 2).sum() + (SMOOTH_S * 30.0) ** 4 * (bent**2).sum())
+
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        other = found + np.where(known[:, None], 0, 1e-3 * rng.normal(size=found.shape))
+        assert cost(found) < cost(other)
