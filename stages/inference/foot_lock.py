@@ -2,8 +2,9 @@
 
 While a contact joint stands (`stages.kinematics.foot_contacts`), its foot is shifted as a whole to one place: through
 the keys' own places where keys are among the frames, else to the mean. The shift comes and goes smoothly, is nothing
-at every key, and the leg's joints above the foot are solved for it; the foot keeps its direction,
-the pelvis its place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
+at every key; and no foot comes lower than the lowest does in the known frames. The leg's joints above the foot are
+solved for it; the foot keeps its direction, the pelvis its place. Hips and knees turn about the axes about which they
+turn in the keys, so that no knee flips.
 """
 
 from __future__ import annotations
@@ -115,7 +116,23 @@ def _foot_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np
         count = held.sum(1, keepdims=True)
         own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
         shifts[:, leg] = _smooth(own, np.asarray(held.any(1)), known, fps)
+        shifts[:, leg, 1] += _sunk(places[:, feet.joints, 1], shifts[:, leg, 1], members, feet, known)
     return shifts
+
+
+def _sunk(heights: np.ndarray, raised: np.ndarray, members: np.ndarray, feet: Feet, known: np.ndarray) -> np.ndarray:
+    """(T,) how far a leg's foot, raised so far (T,), lies below the floor in the frames that are not known.
+
+    Args:
+        heights: (T, F) of all contact joints; the floor is the lowest that one of its kind comes in a known frame.
+        members: the leg's contact joints.
+    """
+    deepest = np.zeros(len(heights))
+    for member in members:
+        alike = feet.is_end == feet.is_end[member]
+        floor = heights[known][:, alike].min()
+        deepest = np.maximum(deepest, floor - (heights[:, member] + raised))
+    return np.where(known, 0.0, deepest)
 
 
 def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -116,3 +117,21 @@ def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
     for _ in range(20):
         other = found + np.where(known[:, None], 0, 1e-3 * rng.normal(size=found.shape))
         assert cost(found) < cost(other)
+
+
+@pytest.mark.parametrize("name", ["walk", "crawl", "jump"])
+def test_no_foot_comes_lower_than_in_the_keys(name: str):
+    skeleton, _, filled, known = interpolated(name, 15)
+    feet = find_feet(skeleton)
+    sunk = filled.root_positions.copy()
+    sunk[~known, 1] -= 0.05
+    loose = replace(filled, root_positions=sunk)
+    locked = lock_feet(skeleton, loose, known).motion
+    for kind in (False, True):
+        joints = feet.joints[feet.is_end == kind]
+        if len(joints):
+            heights, before = (positions_of(skeleton, motion)[:, joints, 1] for motion in (locked, loose))
+            floor = heights[known].min()
+            assert before.min() < floor - 0.03
+            assert heights.min() > floor - 0.01  # what the solve leaves
+    assert (locked.rotations[known] == filled.rotations[known]).all()
