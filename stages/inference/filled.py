@@ -21,7 +21,7 @@ class Filled:
 
     motion:         as many frames as were given, at the same rate; keys are the given rows, value for value.
     plain:          (T, J) bool, True where a frame that is no key has the plain interpolation's local rotation, but
-                    for what eases it out of the keys and what keeps the feet where they stand.
+                    for what smooths it, eases it out of the keys and keeps the feet where they stand.
     jump_frames:    (K,) keys that border a gap and have frames on both sides.
     jumps_mps:      (K,) mean change of the body joints' velocity at these keys, metres a second.
     base_jumps_mps: (K,) the same of the plain interpolation.

@@ -50,7 +50,7 @@ class FillOptions:
 
     solve:       strength of the solve's prior.
     base_smooth: 0 starts from slerp, 1 from the cubic through the keys; None from the damped cubic, as in training.
-    smooth_span: corrections are smoothed in time over about this many model frames (0: not at all).
+    smooth_span: the motion is smoothed in time over about this many model frames between its keys (0: not at all).
     turn_floor_rad: what a joint's correction is worth nothing below, root mean square over a gap; larger ones shrink
                  by what this leaves of their power (James and Stein), so that where the base is right it stays.
     shift_floor_m: the same of the pelvis' shift.
@@ -306,22 +306,21 @@ def _shares(corrections: Tensor, floor: float) -> Tensor:
 
 
 def _smoothed(scene: Scene, solved: Corrections, options: FillOptions, confidence: Confidence | None) -> _Applied:
-    """Corrections as they are applied: shrunk, smooth in time, zero at keys and where they fell back."""
+    """Corrections as they are applied: shrunk, zero at keys, and such that base and corrections together are smooth
+    in time; also where they fell back, since the base alone bends at the keys."""
     base, tokens = scene.base, scene.tokens
     believed = _believed(scene, solved, options, confidence)
     values = torch.cat([believed.turns[:, solved.seen].flatten(1), believed.shifts], -1).double().cpu().numpy()
-    still = tokens.is_key | believed.fallen.all(axis=1)
-    values = np.where(still[:, None], 0.0, values)
+    values = np.where(tokens.is_key[:, None], 0.0, values)
     if options.smooth_span > 0:
         turning = bends_of_rotations(base.local[:, solved.seen], tokens.times).reshape(len(values), -1)
         pelvis = base.world(scene.skeleton.parents)[0][:, scene.skeleton.root]
         moving = bends_of_positions(pelvis.double().cpu().numpy(), tokens.times)
         bends = np.concatenate([turning, moving], -1)
-        values = smooth_corrections(values, bends, tokens.times, still, options.smooth_span)
+        values = smooth_corrections(values, bends, tokens.times, tokens.is_key, options.smooth_span)
     smooth = torch.as_tensor(values * options.trust, dtype=torch.float32, device=scene.device)
     out = torch.zeros_like(solved.turns)
     out[:, solved.seen] = smooth[:, :-3].unflatten(-1, (-1, 3))
-    out = out * torch.as_tensor(~believed.fallen, device=scene.device).unsqueeze(-1)
     return _Applied(out, smooth[:, -3:], believed.fallen)
 
 
