@@ -158,7 +158,8 @@ def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float)
     count = len(shifts)
     if count < 3:
         return np.zeros_like(shifts)
-    weights = np.where(known, AT_KEYS, np.where(held, 1.0, LOOSE))
+    stiffness = (SMOOTH_S * fps) ** 4
+    weights = np.where(known, AT_KEYS * (1 + stiffness), np.where(held, 1.0, LOOSE))
     bends = np.zeros((3, count))  # the upper bands of D'D, D taking second differences
     bends[2, :-2] += 1
     bends[2, 1:-1] += 4
@@ -166,7 +167,7 @@ def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float)
     bends[1, 1:-1] -= 2
     bends[1, 2:] -= 2
     bends[0, 2:] += 1
-    bends *= (SMOOTH_S * fps) ** 4
+    bends *= stiffness
     bends[2] += weights
     wanted = np.where((held & ~known)[:, None], shifts, 0.0)
     found = solveh_banded(bends, weights[:, None] * wanted)

@@ -95,6 +95,18 @@ def test_nothing_hidden_nothing_changed():
     assert lock_feet(skeleton, motion, np.ones(motion.frames, bool)).motion is motion
 
 
+def test_shifts_are_the_same_at_any_rate_and_meet_their_keys():
+    at_30, at_240 = np.zeros((61, 3)), np.zeros((481, 3))
+    at_30[20:40], at_240[160:320] = 0.1, 0.1
+    found = []
+    for wanted, step in ((at_30, 1), (at_240, 8)):
+        known = np.zeros(len(wanted), bool)
+        known[[0, 30 * step, 60 * step]] = True
+        found.append(_smooth(wanted, wanted[:, 0] != 0, known, 30.0 * step)[::step])
+        assert np.abs(np.diff(_smooth(wanted, wanted[:, 0] != 0, known, 30.0 * step), axis=0)).max() < 0.05 / step
+    np.testing.assert_allclose(found[0], found[1], atol=0.01)
+
+
 def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
     wanted = np.zeros((60, 3))
     wanted[10:25], wanted[26:40] = 0.1, -0.05  # from heel to toe: two places in neighbouring frames
