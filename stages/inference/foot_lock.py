@@ -15,7 +15,6 @@ from itertools import pairwise
 import numpy as np
 import roma
 import torch
-from scipy.linalg import solveh_banded
 from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
@@ -23,6 +22,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.inference.binding import Binding
 from stages.inference.key_prior import turn_prior
 from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.smoothing import smooth_corrections
 from stages.inference.solving import SolveOptions, solve_pose
 from stages.kinematics.foot_contacts import (
     HEIGHT_SHARE,
@@ -35,7 +35,7 @@ from stages.kinematics.foot_contacts import (
 )
 from stages.kinematics.forward import global_rotations, positions_of
 
-SMOOTH_S, LOOSE, AT_KEYS = 0.06, 0.005, 1e6
+SMOOTH_S, LOOSE = 0.06, 0.005
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 1.5
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was no standing one
@@ -155,23 +155,9 @@ def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float)
     near to what is wanted and bends little (Whittaker's smoother: squares of second differences), in held frames
     within `SMOOTH_S`, elsewhere, where little is wanted, within what follows from `LOOSE`.
     """
-    count = len(shifts)
-    if count < 3:
-        return np.zeros_like(shifts)
-    stiffness = (SMOOTH_S * fps) ** 4
-    weights = np.where(known, AT_KEYS * (1 + stiffness), np.where(held, 1.0, LOOSE))
-    bends = np.zeros((3, count))  # the upper bands of D'D, D taking second differences
-    bends[2, :-2] += 1
-    bends[2, 1:-1] += 4
-    bends[2, 2:] += 1
-    bends[1, 1:-1] -= 2
-    bends[1, 2:] -= 2
-    bends[0, 2:] += 1
-    bends *= stiffness
-    bends[2] += weights
-    wanted = np.where((held & ~known)[:, None], shifts, 0.0)
-    found = solveh_banded(bends, weights[:, None] * wanted)
-    return np.where(known[:, None], 0.0, found)
+    wanted = np.where(held[:, None], shifts, 0.0)
+    frames, weights = np.arange(float(len(shifts))), np.where(held, 1.0, LOOSE)
+    return smooth_corrections(wanted, np.zeros_like(wanted), frames, known, SMOOTH_S * fps, weights)
 
 
 def _runs(flags: np.ndarray) -> list[np.ndarray]:

@@ -14,7 +14,12 @@ SPANS = (0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 
 
 def smooth_corrections(
-    values: np.ndarray, bends: np.ndarray, times: np.ndarray, pinned: np.ndarray, span: float
+    values: np.ndarray,
+    bends: np.ndarray,
+    times: np.ndarray,
+    pinned: np.ndarray,
+    span: float,
+    weights: np.ndarray | None = None,
 ) -> np.ndarray:
     """Corrections that stay near `values` and make the motion's acceleration, base included, small.
 
@@ -27,6 +32,7 @@ def smooth_corrections(
         times: (N,) strictly rising.
         pinned: (N,) True where the correction is zero and stays so.
         span: in units of the times; 0 gives `values` back.
+        weights: (N,) how much it counts that a value is met; the time that it stands for by default.
 
     Returns: (N, F) float64, exactly zero where pinned.
     """
@@ -40,7 +46,7 @@ def smooth_corrections(
     middle = -(left + right)
     stiff = span**4 * width
     own = np.concatenate([h[:1] / 2, width, h[-1:] / 2])
-    weight = np.where(pinned, PINNED, own)
+    weight = np.where(pinned, PINNED, own if weights is None else weights)
     bands = np.zeros((3, len(times)))  # lower form: diagonal, first and second below it
     bands[0] = weight
     bands[0, :-2] += stiff * left**2
