@@ -170,6 +170,13 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        "retarget-clips", ("retarget-clips",), "stages.retarget_clips",
+        "Put test clips on the rigs of other recordings, to measure on skeletons never seen.",
+        ("motion",), "motion",
+        "pumps retarget-clips --motion runs/mine/ingest --rigs runs/others/ingest -o runs/mine/on-other-rigs",
+        pipeline=False,
+    ),
+    Stage(
         "train-citl", ("train", "citl"), "stages.train_citl",
         "Train an interpolator in one skeleton's pose space, on that skeleton's motions (PC-MRL).",
         ("tpc",), "checkpoint",

@@ -14,11 +14,11 @@ from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import BoneSet, TpcWriter, place_points
 from stages.config import StageReport
 from stages.kinematics.forward import positions_of
+from stages.kinematics.other_rigs import Rigs, on_another_rig, rigs_of
 from stages.kinematics.resampling import resample
 from stages.pointcloud.bones import bone_set
 from stages.progress import SILENT, Progress
 from stages.sample_tpc.config import Config
-from stages.sample_tpc.mixed_rigs import Rigs, on_another_rig, rigs_of
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,21 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     ):
         chosen = clips_where(reader.clips, config.where)
         rows = config.share_of(chosen)
-        rigs = rigs_of(reader, chosen) if config.mixed_rigs else Rigs((), {})
+        # Neither a clip nor a rig that is held out of training serves.
+        training = [row for row in chosen if row.split == "train"] if config.mixed_rigs else []
+        rigs = rigs_of(reader, training) if training else Rigs({}, {})
         bodies = {}
-        for name in sorted({*(row.skeleton for row in rows), *rigs.names}):
+        for name in sorted({*(row.skeleton for row in rows), *rigs.skeletons}):
             bodies[name] = _Body(*bone_set(reader.skeleton(name), config.points, config.seed))
             if not config.bake:
                 writer.add_bones(bodies[name].bones, name)
         progress.start("Sampling clouds", total=len(rows))
         for row in rows:
             motion = reader.motion(row.clip)
-            others = on_another_rig(reader, row, motion, rigs, config.mixed_rigs, config.seed)
-            for here, moved in ((row, motion), *others):
+            others = row.split == "train" and on_another_rig(
+                reader, row, motion, rigs, config.seed, config.mixed_rigs
+            )
+            for here, moved in ((row, motion), *(others or ())):
                 frames += _add(writer, config, here, reader.skeleton(here.skeleton), moved, bodies[here.skeleton])
                 clips += 1
                 carried += here is not row

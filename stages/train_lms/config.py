@@ -36,5 +36,11 @@ class Config(TrainingConfig):
         ge=1,
         le=16,
     )
+    kept_windows: int = Field(
+        8192,
+        description="With reuse, encoded windows kept on the disk to learn from again, 0.1 MB each: many, since one "
+        "that comes back soon is known by heart.",
+        ge=1,
+    )
     latent_weight: float = Field(0.1, description="Weight of the latents' error beside the decoded clouds'.")
     longest_gap: int = Field(32, description="Most frames masked in one piece in transitions and predictions.")

@@ -1,36 +1,39 @@
 """Training the latent motion synthesiser with a frozen encoder (PUMPS 3.3): batches, loss, validation.
 
-Latents are encoded from freshly drawn points of augmented windows, and kept for a round of steps at most: breadth is
-what a small synthesiser lacks first. What it learns is a residual on the latents of the skeleton's own plain
-interpolation of the keys (`SynthesiserSizes.base`), encoded from the same points, so that what the autoencoder gets
-wrong in both cancels.
+Latents are encoded from freshly drawn points of augmented windows, and serve in `reuse` steps: breadth is what a
+small synthesiser lacks first. What it learns is a residual on the latents of the skeleton's own plain interpolation
+of the keys (`SynthesiserSizes.base`), encoded from the same points, so that what the autoencoder gets wrong in both
+cancels.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from stages.inference.models import Autoencoder
+from stages.inference.models import Autoencoder, load_autoencoder
 from stages.kinematics.conventions import MODEL_FPS
 from stages.kinematics.plain_interpolation import Glide
 from stages.kinematics.window_interpolation import interpolate_windows
 from stages.networks.device import precision
 from stages.networks.synthesiser import LatentSynthesiser, interpolate_known
 from stages.train_lms.config import Config
-from stages.train_lms.rounds import DRAWS, drawing_step, draws_afresh
+from stages.train_lms.kept_windows import KeptWindows, LatentBatch, Schedule
 from stages.training.batches import DRAW
 from stages.training.masks import draw_known
 from stages.training.task import RowRandom, step_generator, step_random, step_seed
+from stages.training.unfinished import Unfinished
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
 _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
 _LEAST_LATENT = 0.1
 _IDENTITIES = 7  # the purpose of the generators
+_FRAMES_AT_ONCE = 4096  # clouds encoded in one call
+_HELD_BACK = 96  # windows to validate on; with 32 the best step was chosen by noise of a hundredth
 _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
 
 
@@ -48,29 +51,11 @@ class FillBatch:
 
 
 @dataclass
-class AgainBatch:
-    """Rows of a batch whose windows were drawn, and encoded, at earlier steps."""
+class KeptBatch:
+    """Rows of a batch whose windows are kept, encoded: drawn at earlier steps, or by the process that draws ahead."""
 
     step: int
     rows: tuple[int, ...]
-
-
-@dataclass
-class LatentBatch:
-    """What is learnt from, on the device: latents (B, T, D) and centroids (B, T, 3) metres of the true clouds and of
-    the base, groups (B, P), known and valid (B, T). Then what the frozen decoder makes of them: the decoded points'
-    identities (B, P, Z), the true latents' clouds (B, T, P, 3) and the base's mean square distance to them (B, T)."""
-
-    latents: Tensor
-    centroids: Tensor
-    base_latents: Tensor
-    base_centroids: Tensor
-    groups: Tensor
-    known: Tensor
-    valid: Tensor
-    identities: Tensor
-    true_clouds: Tensor
-    base_squares: Tensor
 
 
 class SynthesiserTask:
@@ -87,18 +72,38 @@ class SynthesiserTask:
         self.decoded_frames = autoencoder.window
         torch.manual_seed(config.seed)
         self.networks = LatentSynthesiser(self.encoder.latent_width, config.synthesiser).to(device)
-        self.held_back = list(self._validation(held_back))
-        self.encoded: dict[tuple[int, tuple[int, ...]], LatentBatch] = {}  # this round's, by drawing step and rows
+        self.held_back = self._validation(held_back)
+        self.encoded_back: list[LatentBatch] = []
+        self.schedule = Schedule(config.reuse, max(1, config.kept_windows // config.batch), config.seed)
+        unfinished = Unfinished(config)
+        self.kept = KeptWindows(unfinished.folder / "windows" / unfinished.digest)
 
-    def weight(self, batch: FillBatch | AgainBatch) -> float:
+    def weight(self, batch: FillBatch | KeptBatch) -> float:
         """The loss is a mean over missing frames."""
-        held = self._latents_of(batch) if isinstance(batch, AgainBatch) else batch
+        held = self._latents_of(batch) if isinstance(batch, KeptBatch) else batch
         return float((held.valid & ~held.known).sum())
 
-    def draw(self, rng: RowRandom) -> FillBatch | AgainBatch:
-        if not draws_afresh(rng.step, self.config.reuse):
-            return AgainBatch(rng.step, rng.numbers)
-        return self._drawn(rng)
+    def draw(self, rng: RowRandom) -> FillBatch | KeptBatch:
+        """On a CPU a drawing process encodes what it draws, too: most of the work, done beside the steps."""
+        if self.schedule.draws_afresh(rng.step):
+            if self.config.reuse == 1 or not self._far_from_networks or self.device.type != "cpu":
+                return self._drawn(rng)
+            self._keep_drawn(rng.step, rng.numbers)
+        return KeptBatch(rng.step, rng.numbers)
+
+    @property
+    def _far_from_networks(self) -> bool:
+        """Whether this is the copy in a drawing process."""
+        return not hasattr(self, "networks")
+
+    def _keep_drawn(self, step: int, rows: tuple[int, ...]) -> None:
+        """Draw, encode and keep what rows draw at a step, but where it is kept."""
+        if self.kept.holds(step, rows):
+            return
+        if self._far_from_networks and not hasattr(self, "encoder"):
+            own = load_autoencoder(self.config.ae, "cpu")
+            self.encoder, self.decoder = own.encoder.eval(), own.decoder.eval()
+        self.kept.put(step, rows, self._encode_batch(self._drawn(step_random(self.config.seed, DRAW, step, rows))))
 
     def _drawn(self, rng: RowRandom) -> FillBatch:
         config = self.config
@@ -112,7 +117,7 @@ class SynthesiserTask:
     def _validation(self, pool: WindowPool) -> list[tuple[str, FillBatch]]:
         """The same held-back windows with keys every 5, 15 and 30 frames, and a prediction."""
         config, batches = self.config, []
-        windows = pool.draw(32, config.window, step_seed(config.seed, 5, 0), augment=False)
+        windows = pool.draw(_HELD_BACK, config.window, step_seed(config.seed, 5, 0), augment=False)
         frames = torch.arange(config.window)
         lengths = windows.valid.sum(1, keepdim=True)
         for every in (5, 15, 30):
@@ -120,7 +125,7 @@ class SynthesiserTask:
             batches.append(
                 (str(every), self._clouds(windows, known, step_seed(config.seed, 6, every), augment=False))
             )
-        known = (frames < lengths - 15) & windows.valid
+        known = (frames < (lengths - 15).clamp_min(1)) & windows.valid
         batches.append(("predict", self._clouds(windows, known, step_seed(config.seed, 6, 0), augment=False)))
         return batches
 
@@ -147,7 +152,11 @@ class SynthesiserTask:
     def _encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """points (N, P, 3), groups (N, P) -> latents, centroids; no gradient."""
         with torch.no_grad(), precision(self.device, self.config.mixed_precision):
-            return self.encoder(points, groups)
+            parts = [
+                self.encoder(*part)
+                for part in zip(points.split(_FRAMES_AT_ONCE), groups.split(_FRAMES_AT_ONCE), strict=True)
+            ]
+        return torch.cat([latents for latents, _ in parts]), torch.cat([centroids for _, centroids in parts])
 
     def _decode(self, latents: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
         """Clouds (B, T, P, 3) of latents (B, T, D), in pieces as long as the decoder was trained on."""
@@ -194,28 +203,21 @@ class SynthesiserTask:
             return torch.Generator(device=self.device).manual_seed(0)
         return step_generator(self.config.seed, _IDENTITIES, batch.step, batch.rows, self.device)
 
-    def _latents_of(self, batch: FillBatch | AgainBatch) -> LatentBatch:
-        """A batch's windows, encoded now or in an earlier step of the round."""
+    def _latents_of(self, batch: FillBatch | KeptBatch) -> LatentBatch:
+        """A batch's windows, encoded now or at an earlier step."""
+        step, rows = batch.step, batch.rows
         if isinstance(batch, FillBatch):
-            return self._kept(batch)
-        config, sources = self.config, []
-        for place, row in enumerate(batch.rows):
-            step = drawing_step(batch.step, row, config.reuse, config.seed)
-            if (step, batch.rows) not in self.encoded:
-                # A run that goes on in the middle of a round draws what it had before, in the same parts.
-                self._kept(self._drawn(step_random(config.seed, DRAW, step, batch.rows)))
-            sources.append((self.encoded[step, batch.rows], place))
-        parts = ([getattr(source, each.name)[place] for source, place in sources] for each in fields(LatentBatch))
-        return LatentBatch(*(torch.stack(part) for part in parts))
-
-    def _kept(self, batch: FillBatch) -> LatentBatch:
-        encoded, length = self._encode_batch(batch), self.config.reuse * DRAWS
-        if self.config.reuse > 1:
-            self.encoded = {
-                key: each for key, each in self.encoded.items() if key[0] // length == batch.step // length
-            }
-            self.encoded[batch.step, batch.rows] = encoded
-        return encoded
+            if self.config.reuse == 1:
+                return self._encode_batch(batch)
+            if not self.kept.holds(step, rows):
+                self.kept.put(step, rows, self._encode_batch(batch))
+        if self.schedule.draws_afresh(step):
+            # What a resumed run needs again is kept, too.
+            self.kept.forget_before(self.schedule.oldest(max(0, step - self.config.checkpoint_every)))
+        steps = [self.schedule.source(step, row) for row in rows]
+        for source in sorted(set(steps)):
+            self._keep_drawn(source, rows)
+        return self.kept.take(steps, rows).to(self.device)
 
     def _errors(self, batch: LatentBatch) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Missing frames' mean errors (scalars) of the network and of the base alone: `cloud`, between the clouds
@@ -239,7 +241,7 @@ class SynthesiserTask:
         ]
         return errors[0], errors[1]
 
-    def loss(self, batch: FillBatch | AgainBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, batch: FillBatch | KeptBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Frames' root mean square errors, not squares, which would learn long gaps alone. The clouds' error is the
         one that a user sees; the latents' own (PUMPS 3.3) also asks for what the decoder does not look at."""
         made, base = self._errors(self._latents_of(batch))
@@ -250,8 +252,10 @@ class SynthesiserTask:
         """The clouds' and latents' errors as shares of the base's, for keys every 5, 15 and 30 frames and a
         prediction; `score` is the clouds' mean."""
         shares: dict[str, dict[str, float]] = {"cloud": {}, "latent": {}}
-        for name, batch in self.held_back:
-            made, base = self._errors(self._encode_batch(batch))
+        if not self.encoded_back:
+            self.encoded_back = [self._encode_batch(batch) for _, batch in self.held_back]
+        for (name, _), batch in zip(self.held_back, self.encoded_back, strict=True):
+            made, base = self._errors(batch)
             for kind, found in shares.items():
                 found[f"{kind}_of_base_{name}"] = float(made[kind] / base[kind])
         return {"score": float(np.mean(list(shares["cloud"].values()))), **shares["cloud"], **shares["latent"]}

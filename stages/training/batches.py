@@ -57,7 +57,9 @@ def drawn_ahead(
     with _executor(task, config.workers) as executor:
         draw: Callable[..., Any] = partial(_draw, task) if config.workers == 0 else _draw_here
         try:
-            ahead.extend(executor.submit(draw, *unit) for unit in islice(wanted, 2 * max(1, config.workers)))
+            # Deep enough that a process goes on drawing while steps that need nothing new are taken.
+            depth = max(2, 8 * config.workers)
+            ahead.extend(executor.submit(draw, *unit) for unit in islice(wanted, depth))
             while ahead:
                 batch = ahead.popleft().result()
                 ahead.extend(executor.submit(draw, *unit) for unit in islice(wanted, 1))

@@ -102,6 +102,9 @@ class _Run:
         self.progress.start(f"training {config.output.name}", config.steps)
         self.progress.advance(place.step)
         late = False
+        if self.device.type == "cpu" and config.workers:
+            # Each drawing process has a core of its own: threads that share one wait for each other.
+            torch.set_num_threads(max(1, torch.get_num_threads() - config.workers))
         with closing(drawn_ahead(self.task, config, self.parts, place.step)) as batches:
             while not late and not self._done():
                 numbers = self._step(batches, time.monotonic() > deadline)

@@ -2,12 +2,15 @@
 
     NAME.partial/checkpoints/step_000002000/   a checkpoint artefact each, the newest few
     NAME.partial/log/step_000002340.parquet    rows of the log since the newest checkpoint
+    NAME.partial/windows/                      what a training keeps of its own (`train lms --reuse`)
 
 Each checkpoint is an artefact of its own that appears whole or not at all; older ones go when a newer one is there.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -59,6 +62,11 @@ class Unfinished:
         }
         defaults = type(config).model_construct().model_dump(mode="json", warnings=False)
         self._defaults = {name: value for name, value in defaults.items() if name in self._settings}
+
+    @property
+    def digest(self) -> str:
+        """Of the settings: what is kept beside the checkpoints serves trainings with the same alone."""
+        return hashlib.sha256(json.dumps(self._settings, sort_keys=True).encode()).hexdigest()[:16]
 
     @property
     def log_folder(self) -> Path:

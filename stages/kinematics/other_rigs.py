@@ -1,4 +1,4 @@
-"""Training motions on other rigs of the same collection, so that a motion does not tell its skeleton."""
+"""Clips on rigs not theirs: to train with, so that a motion does not tell its skeleton, and to measure on such."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
-from data_schemas.skeleton import Motion
+from data_schemas.skeleton import Motion, Skeleton
 from stages.kinematics.retargeting import retarget
 
 APART_RAD = np.radians(40)  # two reference poses further apart than this are no base to carry a motion over from
@@ -21,20 +21,19 @@ _LONGEST = 1800  # frames of one clip that are carried over, from a place drawn 
 
 @dataclass(frozen=True)
 class Rigs:
-    """The skeletons that training clips are on, each with some of its own poses."""
+    """Skeletons by their id, and some poses of each."""
 
-    names: tuple[str, ...]
+    skeletons: dict[str, Skeleton]
     poses: dict[str, Motion]
 
 
 def rigs_of(reader: MotionReader, rows: Sequence[ClipRow]) -> Rigs:
-    """The rigs of the training clips among `rows`; skeletons held out of training are none."""
+    """The rigs that these clips are on."""
     clips: dict[str, list[ClipRow]] = {}
     for row in rows:
-        if row.split == "train":
-            clips.setdefault(row.skeleton, []).append(row)
+        clips.setdefault(row.skeleton, []).append(row)
     poses = {name: _poses(reader, own) for name, own in sorted(clips.items())}
-    return Rigs(tuple(poses), poses)
+    return Rigs({name: reader.skeleton(name) for name in poses}, poses)
 
 
 def _poses(reader: MotionReader, rows: Sequence[ClipRow]) -> Motion:
@@ -49,24 +48,25 @@ def _poses(reader: MotionReader, rows: Sequence[ClipRow]) -> Motion:
 
 
 def on_another_rig(
-    reader: MotionReader, row: ClipRow, motion: Motion, rigs: Rigs, share: float, seed: int
+    reader: MotionReader, row: ClipRow, motion: Motion, rigs: Rigs, seed: int, share: float = 1.0
 ) -> Iterator[tuple[ClipRow, Motion]]:
-    """The clip on a rig drawn for it, for `share` of the training clips; nothing where it cannot be carried over.
+    """The clip on a rig that is drawn for it, for `share` of all clips; nothing where it cannot be carried over.
 
     What is drawn follows from the seed and the clip's name: the order of clips, and which others there are on the
     same rigs, mean nothing.
 
-    Yields: the row, named CLIP@RIG with its source and split as they were, and the motion, of `row.frames` or fewer.
+    Yields: the row, named CLIP@RIG with its source and split as they were, and the motion, cut to at most a minute at
+        30 frames a second.
     """
     rng = np.random.default_rng((seed, zlib.crc32(row.clip.encode("utf-8"))))
-    others = [name for name in rigs.names if name != row.skeleton]
-    if row.split != "train" or not others or rng.random() >= share:
+    others = [name for name in rigs.skeletons if name != row.skeleton]
+    if not others or rng.random() >= share:
         return
     name = others[int(rng.integers(len(others)))]
     start = int(rng.integers(max(1, motion.frames - _LONGEST + 1)))
     part = _part(motion, slice(start, start + _LONGEST))
     try:
-        made = retarget(reader.skeleton(row.skeleton), part, reader.skeleton(name), rigs.poses[name])
+        made = retarget(reader.skeleton(row.skeleton), part, rigs.skeletons[name], rigs.poses[name])
     except (InputError, ValueError):  # a rig that lacks a limb, a figure folded to a point: this pair teaches nothing
         return
     if made.apart_rad <= APART_RAD and np.isfinite(made.motion.root_positions).all():
