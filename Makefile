@@ -14,6 +14,7 @@
 #                  goes on; docs/pretraining.md. Its parts: pretrain-data, pretrain-measure, pretrain-bundle TO=folder
 # make held-out    weights on whole archives that they never saw, with feel; HELD_OUT_WEIGHTS=small-free
 #                  HELD_OUT_WINDOWS=40 (for each archive and task); DATA names other recordings
+# make unseen-rigs  test clips put on rigs that weights never saw, and measured there; RIGS='rigs.zip a.bvh'
 # make gallery     twelve clips on six rigs, filled: truth, slerp and pumps side by side in runs/gallery/gallery.html, and
 #                  the picture docs/pictures/gallery.svg; GALLERY_WEIGHTS=small (default: those that infill takes)
 # make first-picture  the picture of the README's first example
@@ -72,7 +73,7 @@ SPACE := $(EMPTY) $(EMPTY)
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: gallery first-picture held-out held-out-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
+.PHONY: gallery first-picture held-out held-out-measured unseen-rigs unseen-rigs-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -302,6 +303,29 @@ held-out-measured: configure
 
 $(R)/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/weights/$(each)/*/manifest.json))
 	$(PUMPS) evaluate --config $< --motion $(R)/ingest --unseen --tasks interpolation --tasks transition \
+	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
+
+# The same archives' test clips, put on rigs that the weights never saw: how well they cross skeletons, told apart from
+# kinds of motion that they do not know. RIGS are the recordings that lend their rigs.
+RIGS ?= stages/clips
+
+unseen-rigs: install
+	@$(MAKE) --no-print-directory unseen-rigs-measured RUN='$(call unless_given,RUN,unseen-rigs)' \
+	  DATA='$(or $(DATA),$(wildcard $(HELD_OUT_DATA)))' FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
+
+unseen-rigs-measured: configure
+	@$(MAKE) --no-print-directory $(R)/on-rigs/$(HELD_OUT_AT)/manifest.json
+	@$(PUMPS) results $(R)/on-rigs/$(HELD_OUT_AT)
+
+# Other RIGS want another RUN.
+$(R)/rigs/manifest.json:
+	$(PUMPS) ingest auto $(RIGS) -o $(@D)
+
+$(R)/on-rigs/clips/manifest.json: $(R)/ingest/manifest.json $(R)/rigs/manifest.json
+	$(PUMPS) retarget-clips --motion $(R)/ingest --rigs $(R)/rigs -o $(@D)
+
+$(R)/on-rigs/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/on-rigs/clips/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/weights/$(each)/*/manifest.json))
+	$(PUMPS) evaluate --config $< --motion $(R)/on-rigs/clips --tasks interpolation --tasks transition \
 	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
 
 # ---- to look at ------------------------------------------------------------------------------------------------

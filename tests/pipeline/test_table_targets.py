@@ -51,6 +51,14 @@ def test_weights_are_measured_on_archives_that_they_never_saw(tmp_path: Path):
     assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
 
 
+def test_weights_are_measured_on_rigs_that_they_never_saw(tmp_path: Path):
+    report = Table(tmp_path)
+    report.target = "unseen-rigs-measured"
+    assert report.make() == ["ingest", "ingest", "retarget-clips", "evaluate"]
+    assert report.make() == []
+    assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
+
+
 def test_the_latent_report_needs_recordings_alone(tmp_path: Path):
     report = Table(tmp_path)
     report.target = "latents"
