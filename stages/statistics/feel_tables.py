@@ -17,6 +17,7 @@ COLUMNS = {
     "fell_back_share": "fell back",
 }
 ASIDE = ("lerp", "cubic")  # plain ways that filling does not start from: in the whole page alone
+_MM_DIGITS = 2  # less than a hundredth of a millimetre is rounding
 LEGEND = (
     "Feel: mean [95% bootstrap interval over clips]. Jump and skate are best where they are the truth's own, jerk "
     "where it is 1. At seams, where models' windows meet, velocity should change no more than it does in the rows "
@@ -65,4 +66,6 @@ def _text(metric: str, method: str, cell: Cell | None) -> str:
         return ""
     share = METRICS[metric].beside_truth or METRICS[metric].unit == ""
     digits = 2 if share else decimals_of(shown.value)
+    if METRICS[metric].unit == "mm":
+        digits = min(digits, _MM_DIGITS)
     return f"{shown.value:.{digits}f}{span_text(shown, digits)}"
