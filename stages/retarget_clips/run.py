@@ -54,10 +54,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 "Both must be humanoids; `pumps inspect FILE` tells what is found of a rig.",
             )
         draft.summary |= {"clips": carried, "rigs": len(rigs.skeletons)}
+    count = f"{len(rigs.skeletons)} rig{'' if len(rigs.skeletons) == 1 else 's'}"
+    left = "" if carried == len(rows) else "; the others lack a limb, or have no pose in common with them"
     return StageReport(
         output=config.output,
-        lines=[
-            f"{carried} of {len(rows)} clips put on {len(rigs.skeletons)} rigs; the others have no pose in common."
-        ],
+        lines=[f"{carried} of {len(rows)} clips put on {count}{left}."],
         figures={"clips": carried, "asked": len(rows), "rigs": len(rigs.skeletons)},
     )
