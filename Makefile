@@ -226,11 +226,13 @@ $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.jso
 #   SLICE        minutes until it stops with a checkpoint; 0: until all is done
 #   INITIAL      folder of weights to start from, when slices lie on machines that keep nothing
 #   AE           an autoencoder's checkpoint to take instead of training one
+#   CALIBRATE    further recordings whose validation clips say how far to trust the weights; two archives are few
 #   TRAIN_FLAGS  for both trainings: '--workers 8 --cache-mb 2000'
 SLICE       ?= 0
 INITIAL     ?=
 AE          ?=
 TRAIN_FLAGS ?=
+CALIBRATE   ?= $(if $(filter small-free,$(RECIPE)),stages/clips)
 TO          ?= $(R)/bundle
 
 
@@ -272,7 +274,9 @@ pretrain-pack:
 # How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the
 # weights are good and bad at.
 pretrain-measure:
-	@test -f $(R)/packed/$(RECIPE)/confidence.json || $(PUMPS) calibrate $(R)/packed/$(RECIPE) --motion $(R)/ingest
+	@test -z '$(CALIBRATE)' || test -f $(R)/calibrate/manifest.json || $(PUMPS) ingest auto $(CALIBRATE) -o $(R)/calibrate
+	@test -f $(R)/packed/$(RECIPE)/confidence.json || $(PUMPS) calibrate $(R)/packed/$(RECIPE) --motion $(R)/ingest \
+	  $(if $(CALIBRATE),--motion $(R)/calibrate)
 	@test -f $(R)/evaluate/manifest.json || \
 	  $(PUMPS) evaluate --config $(C)/evaluate.toml --motion $(R)/ingest --weights pumps=$(R)/packed/$(RECIPE) -o $(R)/evaluate
 	@$(PUMPS) results $(R)/evaluate

@@ -13,7 +13,11 @@ class Config(DeviceConfig):
     """Learn how far weights may be trusted, on motions they were not trained on, and keep that beside them."""
 
     weights: str = Field(description="A run's folder, or packed weights; the confidence is written there.")
-    motion: Path = Field(description="The motion artefact whose clips are filled and compared with the truth.")
+    motion: tuple[Path, ...] = Field(
+        description="Motion artefacts whose clips are filled and compared with the truth; all archives in them weigh "
+        "the same.",
+        min_length=1,
+    )
     splits: tuple[str, ...] = Field(("val",), description="Which splits; never those that figures are reported on.")
     max_windows: int = Field(12, description="Windows for each archive and task, spread evenly.", ge=1)
     intervals: tuple[int, ...] = Field((5, 10, 15, 30), description="Frames between keys.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -48,15 +49,17 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     models = load_weights(config.weights, config.device, confidence=False)
     archives: dict[str, Sums] = {}
     shrunk: dict[str, Sums] = {}
-    with MotionReader(config.motion) as reader:
-        plan = list(_plan(reader, config))
+    with ExitStack() as opened:
+        readers = [opened.enter_context(MotionReader(path)) for path in config.motion]
+        plan = [(reader, *each) for reader in readers for each in _plan(reader, config)]
         if not plan:
             raise InputError(
-                f"{config.motion} has no clip of the split {' or '.join(config.splits)} that is long enough.",
+                f"{', '.join(map(str, config.motion))} has no clip of the split {' or '.join(config.splits)} that is "
+                "long enough.",
                 "Name another with --splits.",
             )
         progress.start("filling", len(plan))
-        for archive, task, window in plan:
+        for reader, archive, task, window in plan:
             row = reader.row(window.clip)
             motion = _cut(resample(reader.motion(row.clip), MODEL_FPS), window)
             solved = solve_clip(

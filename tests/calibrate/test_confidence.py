@@ -174,7 +174,7 @@ def test_calibrating_writes_a_confidence_beside_the_weights(tmp_path: Path) -> N
             writer.add_clip(row, motion)
     report = run(
         Config(
-            weights=str(weights), motion=tmp_path / "motion", intervals=(15,), transitions=(15,), predictions=(),
+            weights=str(weights), motion=(tmp_path / "motion",), intervals=(15,), transitions=(15,), predictions=(),
             window=61, max_windows=1, points=48, device="cpu",
         )
     )  # fmt: skip
