@@ -163,18 +163,19 @@ def test_no_trust_gives_the_plain_interpolation_and_the_table_is_read_back(tmp_p
 
 def test_calibrating_writes_a_confidence_beside_the_weights(tmp_path: Path) -> None:
     weights = write_random_weights(tmp_path / "weights")
-    with (
-        write_artefact(tmp_path / "motion", "motion", stage="ingest", config={}) as draft,
-        MotionWriter(draft.folder) as writer,
-    ):
-        skeleton = writer.add_skeleton(humanoid())
-        for number in range(2):
+    for number in range(2):  # in an artefact of its own each
+        with (
+            write_artefact(tmp_path / f"motion{number}", "motion", stage="ingest", config={}) as draft,
+            MotionWriter(draft.folder) as writer,
+        ):
+            skeleton = writer.add_skeleton(humanoid())
             motion = swinging(humanoid(), 70, seed=number)
             row = ClipRow(f"c{number}", f"{number}.zip!c", "0" * 64, skeleton, 70, 30.0, 70 / 30, "val", "CC0")
             writer.add_clip(row, motion)
+    motions = (tmp_path / "motion0", tmp_path / "motion1")
     report = run(
         Config(
-            weights=str(weights), motion=(tmp_path / "motion",), intervals=(15,), transitions=(15,), predictions=(),
+            weights=str(weights), motion=motions, intervals=(15,), transitions=(15,), predictions=(),
             window=61, max_windows=1, points=48, device="cpu",
         )
     )  # fmt: skip
