@@ -33,7 +33,11 @@ _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
 _LEAST_LATENT = 0.1
 _IDENTITIES = 7  # the purpose of the generators
 _FRAMES_AT_ONCE = 4096  # clouds encoded in one call
-_HELD_BACK = 96  # windows to validate on; with 32 the best step was chosen by noise of a hundredth
+_HELD_BACK = (
+    32,
+    32,
+    32,
+)  # windows to validate on, in parts; with 32 in all, noise of a hundredth chose the best step
 _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
 
 
@@ -117,16 +121,15 @@ class SynthesiserTask:
     def _validation(self, pool: WindowPool) -> list[tuple[str, FillBatch]]:
         """The same held-back windows with keys every 5, 15 and 30 frames, and a prediction."""
         config, batches = self.config, []
-        windows = pool.draw(_HELD_BACK, config.window, step_seed(config.seed, 5, 0), augment=False)
         frames = torch.arange(config.window)
-        lengths = windows.valid.sum(1, keepdim=True)
-        for every in (5, 15, 30):
-            known = ((frames % every == 0) | (frames == lengths - 1)) & windows.valid
-            batches.append(
-                (str(every), self._clouds(windows, known, step_seed(config.seed, 6, every), augment=False))
-            )
-        known = (frames < (lengths - 15).clamp_min(1)) & windows.valid
-        batches.append(("predict", self._clouds(windows, known, step_seed(config.seed, 6, 0), augment=False)))
+        for part, count in enumerate(_HELD_BACK):
+            windows = pool.draw(count, config.window, step_seed(config.seed, 5, part), augment=False)
+            lengths = windows.valid.sum(1, keepdim=True)
+            known = {str(every): (frames % every == 0) | (frames == lengths - 1) for every in (5, 15, 30)}
+            known["predict"] = frames < (lengths - 15).clamp_min(1)
+            for number, (name, each) in enumerate(known.items()):
+                random = step_seed(config.seed, 6, part * len(known) + number)
+                batches.append((name, self._clouds(windows, each & windows.valid, random, augment=False)))
         return batches
 
     def _clouds(self, windows: Windows, known: Tensor, rng: np.random.Generator, *, augment: bool) -> FillBatch:
@@ -251,14 +254,18 @@ class SynthesiserTask:
     def validate(self) -> dict[str, float]:
         """The clouds' and latents' errors as shares of the base's, for keys every 5, 15 and 30 frames and a
         prediction; `score` is the clouds' mean."""
-        shares: dict[str, dict[str, float]] = {"cloud": {}, "latent": {}}
+        sums: dict[str, np.ndarray] = {}  # the network's and the base's errors, summed over missing frames
         if not self.encoded_back:
             self.encoded_back = [self._encode_batch(batch) for _, batch in self.held_back]
         for (name, _), batch in zip(self.held_back, self.encoded_back, strict=True):
             made, base = self._errors(batch)
-            for kind, found in shares.items():
-                found[f"{kind}_of_base_{name}"] = float(made[kind] / base[kind])
-        return {"score": float(np.mean(list(shares["cloud"].values()))), **shares["cloud"], **shares["latent"]}
+            count = float((batch.valid & ~batch.known).sum())
+            for kind in made:
+                here = count * np.array([float(made[kind]), float(base[kind])])
+                sums[f"{kind}_of_base_{name}"] = sums.get(f"{kind}_of_base_{name}", 0.0) + here
+        shares = {name: float(made / base) for name, (made, base) in sums.items()}
+        clouds = [share for name, share in shares.items() if name.startswith("cloud")]
+        return {"score": float(np.mean(clouds)), **shares}
 
 
 def _mean_squares(clouds: Tensor, others: Tensor) -> Tensor:
