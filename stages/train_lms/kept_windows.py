@@ -15,9 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
+
+from data_schemas.errors import PumpsError
 
 _ORDER = 3  # the purpose of the generators
 _FIRST = 8  # a share of what is kept, one in so many, is drawn before anything is seen again
@@ -97,7 +99,7 @@ class KeptWindows:
         self.folder = folder
 
     def put(self, step: int, rows: Sequence[int], batch: LatentBatch) -> None:
-        """Keep the windows that some rows drew at a step."""
+        """Keep the windows that some rows drew at a step. Raises PumpsError where they cannot be written."""
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self._path(step, rows)
         unfinished = path.with_suffix(f".{os.getpid()}")
@@ -105,7 +107,13 @@ class KeptWindows:
         held["true_clouds"] = (batch.true_clouds - batch.centroids.unsqueeze(2)).half().cpu().contiguous()
         held |= {name: held[name].half() for name in ("latents", "base_latents")}
         held["groups"] = held["groups"].to(torch.uint8)
-        save_file(held, unfinished)
+        try:
+            save_file(held, unfinished)
+        except SafetensorError as error:
+            raise PumpsError(
+                f"Encoded windows cannot be kept in {self.folder}: {error}.",
+                "Make room on the disk, or lower kept_windows; the same command then goes on.",
+            ) from None
         os.replace(unfinished, path)
 
     def holds(self, step: int, rows: Sequence[int]) -> bool:

@@ -7,7 +7,8 @@ batch is the same batch however many processes and parts it is spread over.
 from __future__ import annotations
 
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,6 +77,17 @@ def train(task: Task, config: TrainingConfig, *, progress: Progress) -> Trained:
     return _Run(task, config, ranks, progress if ranks.first else SILENT).go()
 
 
+@contextmanager
+def _threads_left(workers: int) -> Iterator[None]:
+    """Leave a core to each drawing process: threads that share one wait for each other."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(max(1, threads - workers))
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
 class _Run:
     def __init__(self, task: Task, config: TrainingConfig, ranks: Ranks, progress: Progress):
         self.task, self.config, self.ranks, self.progress = task, config, ranks, progress
@@ -102,10 +114,8 @@ class _Run:
         self.progress.start(f"training {config.output.name}", config.steps)
         self.progress.advance(place.step)
         late = False
-        if self.device.type == "cpu" and config.workers:
-            # Each drawing process has a core of its own: threads that share one wait for each other.
-            torch.set_num_threads(max(1, torch.get_num_threads() - config.workers))
-        with closing(drawn_ahead(self.task, config, self.parts, place.step)) as batches:
+        beside = config.workers if self.device.type == "cpu" else 0
+        with _threads_left(beside), closing(drawn_ahead(self.task, config, self.parts, place.step)) as batches:
             while not late and not self._done():
                 numbers = self._step(batches, time.monotonic() > deadline)
                 place.step += 1
