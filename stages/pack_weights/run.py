@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -36,7 +39,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     progress.start("packing", 2)
     ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.run)))
-    autoencoder, synthesiser = read_checkpoint(ae, optimiser=False), read_checkpoint(lms, optimiser=False)
+    autoencoder, synthesiser = _read(ae), _read(lms)
     if synthesiser.config.get("encoder_digest") != ae.manifest.digest:
         raise InputError(
             f"The synthesiser in {config.run} was trained on another autoencoder than the one beside it.",
@@ -64,10 +67,19 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
 
 
+def _read(source: Artefact) -> Checkpoint:
+    """A checkpoint whose card names the training's folders instead of saying where on what machine they lay."""
+    found = read_checkpoint(source, optimiser=False)
+    for place, name in sorted(_places(source.manifest.config), key=lambda each: -len(each[0])):
+        found = replace(found, card=found.card.replace(place, name))
+    return found
+
+
 def _pack(config: Config, part: str, kept: Checkpoint, source: Artefact) -> Artefact:
     width = np.float16 if config.half else np.float32
     path = config.output / part
-    settings = {"half": config.half, "trained": source.manifest.config, "digest": source.manifest.digest}
+    trained = _without_places(source.manifest.config)
+    settings = {"half": config.half, "trained": trained, "digest": source.manifest.digest}
     with write_artefact(
         path, "checkpoint", stage="pack-weights", config=settings, licences=source.manifest.licences
     ) as draft:
@@ -80,6 +92,26 @@ def _pack(config: Config, part: str, kept: Checkpoint, source: Artefact) -> Arte
             card=kept.card,
         )
     return open_artefact(path, "checkpoint")
+
+
+def _places(settings: Any) -> Iterator[tuple[str, str]]:
+    """Every absolute path among settings, and its last part."""
+    if isinstance(settings, dict | list):
+        for value in settings.values() if isinstance(settings, dict) else settings:
+            yield from _places(value)
+    elif isinstance(settings, str):
+        for kind in (PurePosixPath, PureWindowsPath):
+            if kind(settings).is_absolute():
+                yield settings, kind(settings).name
+
+
+def _without_places(settings: Any) -> Any:
+    """The settings with each absolute path cut down to its last part."""
+    if isinstance(settings, dict):
+        return {name: _without_places(value) for name, value in settings.items()}
+    if isinstance(settings, list):
+        return [_without_places(value) for value in settings]
+    return next((name for _, name in _places(settings)), settings)
 
 
 def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[str, Any]], str]:

@@ -1,10 +1,13 @@
 """Packing a run's networks: half the size, the same answers within half precision, one card."""
 
+import shutil
+
 import numpy as np
 import pytest
 import torch
 
 from data_schemas.artefact import open_artefact, write_artefact
+from data_schemas.checkpoint import read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.metrics import MetricRow, write_metrics
 from stages.inference.models import load_weights
@@ -36,6 +39,24 @@ def test_packed_weights_load_and_answer_alike(trained, tmp_path):
     }
     assert size[tmp_path / "packed"] < 0.6 * size[trained]
     assert "# The weights `packed`" in (tmp_path / "packed" / "MODEL_CARD.md").read_text()
+
+
+def test_weights_do_not_say_where_they_were_trained(trained, tmp_path):
+    lms = trained / "train-lms"
+    kept, licences = read_checkpoint(open_artefact(lms)), open_artefact(lms).manifest.licences
+    settings = {"initial": "/home/ann/old/train-lms", "sizes": {"kept": ["C:\\runs\\ae", "runs/tpc", 3]}}
+    shutil.rmtree(lms)
+    with write_artefact(lms, "checkpoint", stage="train-lms", config=settings, licences=licences) as draft:
+        card = kept.card + "\nStarted from: the weights in /home/ann/old/train-lms.\n"
+        write_checkpoint(
+            draft.folder, weights=kept.weights, config=kept.config, optimiser=None, log=kept.log, card=card
+        )
+    run(Config(run=trained, output=tmp_path / "packed"))
+    packed = open_artefact(tmp_path / "packed" / "lms")
+    assert packed.manifest.config["trained"] == {"initial": "train-lms", "sizes": {"kept": ["ae", "runs/tpc", 3]}}
+    assert "Started from: the weights in train-lms." in read_checkpoint(packed).card
+    for path in (tmp_path / "packed").rglob("*"):
+        assert path.is_dir() or b"/home/ann" not in path.read_bytes()
 
 
 def test_networks_of_two_runs_are_not_packed_together(trained, tmp_path):
