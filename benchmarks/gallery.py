@@ -13,7 +13,7 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -175,11 +175,7 @@ def four_seconds(shown: Shown, archives: Path) -> tuple[Skeleton, Motion]:
 def cut(motion: Motion) -> Motion:
     """The middle `FRAMES` of a motion, or all of a shorter one."""
     first = max((motion.frames - FRAMES) // 2, 0)
-    part = slice(first, first + FRAMES)
-    tracks = motion.tracks[part] if len(motion.track_joints) else motion.tracks
-    return replace(
-        motion, rotations=motion.rotations[part], root_positions=motion.root_positions[part], tracks=tracks
-    )
+    return motion.at(slice(first, first + FRAMES))
 
 
 def on_changed_rig(skeleton: Skeleton, motion: Motion) -> tuple[Skeleton, Motion]:

@@ -49,9 +49,7 @@ def figures_of(named: Sequence[str]) -> dict[str, Figure]:
         name, _, place = text.partition("=")
         source = source_named(place)
         skeleton, motion, _ = motion_of(read_bvh(source.read(), source.name), trim_first="auto")
-        tracks = motion.tracks[:MOST_FRAMES]
-        short = replace(motion, rotations=motion.rotations[:MOST_FRAMES], tracks=tracks)
-        found[name] = (skeleton, replace(short, root_positions=motion.root_positions[:MOST_FRAMES]))
+        found[name] = (skeleton, motion.at(slice(MOST_FRAMES)))
     return found
 
 

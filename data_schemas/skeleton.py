@@ -6,7 +6,7 @@ quaternions xyzw; J joints, T frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -67,3 +67,10 @@ class Motion:
     @property
     def frames(self) -> int:
         return self.rotations.shape[0]
+
+    def at(self, frames: slice | np.ndarray) -> Motion:
+        """Some of the frames, by a slice or their numbers, as a motion of their own."""
+        roots = self.root_positions[frames]
+        # Without tracks there may be no row of them for each frame.
+        tracks = self.tracks[frames] if len(self.track_joints) else np.zeros((len(roots), 0, 3), np.float32)
+        return replace(self, rotations=self.rotations[frames], root_positions=roots, tracks=tracks)

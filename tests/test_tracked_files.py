@@ -24,8 +24,6 @@ def test_no_tracked_file_holds_a_path_of_a_machine():
     assert len(texts) > 300
     here = bytes(_ROOT) + b"/"
     found = [
-        path.relative_to(_ROOT)
-        for path in texts
-        if _PLACE.search(content := path.read_bytes()) or here in content
+        path.relative_to(_ROOT) for path in texts if _PLACE.search(content := path.read_bytes()) or here in content
     ]
     assert [str(path) for path in found if path != Path("tests/pack_weights/test_pack_weights.py")] == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 
 import numpy as np
 import roma
@@ -61,7 +60,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("filling", len(plan))
         for reader, archive, task, window in plan:
             row = reader.row(window.clip)
-            motion = _cut(resample(reader.motion(row.clip), MODEL_FPS), window)
+            motion = resample(reader.motion(row.clip), MODEL_FPS).at(window.span)
             solved = solve_clip(
                 reader.skeleton(row.skeleton), motion, task.known(window.frames), models,
                 points=config.points, seed=config.seed, device=models.autoencoder.device,
@@ -88,16 +87,6 @@ def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Win
             windows = [clip_windows(row.clip, int(row.seconds * MODEL_FPS), task) for row in rows]
             for window in chosen_windows(windows, config.max_windows):
                 yield archive, task, window
-
-
-def _cut(motion: Motion, window: Window) -> Motion:
-    span = slice(window.start, window.start + window.frames)
-    return replace(
-        motion,
-        rotations=motion.rotations[span],
-        root_positions=motion.root_positions[span],
-        tracks=motion.tracks[span],
-    )
 
 
 def _add(sums: Sums, shrunk: Sums, solved: Solved, motion: Motion) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -136,14 +136,7 @@ class MeasuredClips:
     def _cut(self, window: Window) -> Motion:
         if window.clip not in self._cache:
             self._cache[window.clip] = self._at_model_rate(window.clip)
-        motion = self._cache[window.clip]
-        span = slice(window.start, window.start + window.frames)
-        return replace(
-            motion,
-            rotations=motion.rotations[span],
-            root_positions=motion.root_positions[span],
-            tracks=motion.tracks[span] if len(motion.track_joints) else np.zeros((window.frames, 0, 3), np.float32),
-        )
+        return self._cache[window.clip].at(window.span)
 
     def _at_model_rate(self, clip: str) -> Motion:
         return resample(self._reader.motion(clip), MODEL_FPS)

@@ -202,7 +202,7 @@ def motion_of_poses(
     if drop:
         why = ": a calibration pose and what swings in from it" if str(trim_first) == "auto" else ""
         notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
-        motion = first_frames_dropped(motion, drop)
+        motion = motion.at(slice(drop, None))
     return skeleton, motion, notes
 
 
@@ -232,17 +232,6 @@ def _body_poses(
     rotations = rotations_at(seen)
     heads = _world_positions(body.offsets, poses.root[seen], poses.moving, tracks, rotations, body.parents)
     return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.told), step / poses.fps)
-
-
-def first_frames_dropped(motion: Motion, count: int) -> Motion:
-    """The motion from frame `count` on."""
-    return Motion(
-        rotations=motion.rotations[count:],
-        root_positions=motion.root_positions[count:],
-        fps=motion.fps,
-        track_joints=motion.track_joints,
-        tracks=motion.tracks[count:],
-    )
 
 
 def _skeleton(header: str, body: Body, parts: BodyParts, up_axis: str) -> Skeleton:

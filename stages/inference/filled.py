@@ -10,7 +10,7 @@ import torch
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.inference.foot_lock import standing_feet
-from stages.inference.local_pose import pose_of_motion, rows_of_motion
+from stages.inference.local_pose import pose_of_motion
 from stages.kinematics.foot_contacts import find_feet, foot_skate_mps
 from stages.kinematics.forward import positions_of
 
@@ -60,7 +60,7 @@ def keys_at_gaps(known: np.ndarray) -> np.ndarray:
 
 def velocity_jumps(skeleton: Skeleton, motion: Motion, frames: np.ndarray) -> np.ndarray:
     """(K,) mean over the body's joints of |velocity after - before| at inner frames (K,), metres a second."""
-    rows = rows_of_motion(motion, (frames[:, None] + np.array([-1, 0, 1])).ravel())
+    rows = motion.at((frames[:, None] + np.array([-1, 0, 1])).ravel())
     heads, _ = pose_of_motion(skeleton, rows).world(skeleton.parents)
     heads = heads[:, torch.as_tensor(skeleton.groups >= 0)].unflatten(0, (-1, 3))
     change = heads[:, 2] - 2 * heads[:, 1] + heads[:, 0]

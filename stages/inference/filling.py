@@ -35,7 +35,7 @@ from stages.inference.confidence import Confidence, trust_of
 from stages.inference.easing import ease_at_keys
 from stages.inference.filled import Filled, keys_at_gaps, nothing_to_fill, skates, velocity_jumps
 from stages.inference.foot_lock import lock_feet
-from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows
 from stages.inference.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
 from stages.inference.token_times import choose_tokens
@@ -184,7 +184,7 @@ def solve_clip(
     """What `fill_motion` knows before it decides how much to believe of it; arguments as there, a frame missing."""
     options = options or FillOptions()
     keys = np.flatnonzero(known)
-    key_pose = pose_of_motion(skeleton, rows_of_motion(motion, keys), device)
+    key_pose = pose_of_motion(skeleton, motion.at(keys), device)
     key_times = torch.as_tensor(keys * (MODEL_FPS / motion.fps), device=device)
     tokens = choose_tokens(keys, motion.frames, motion.fps)
     smooth, glide = _base_settings(key_times, models, options)

@@ -22,7 +22,7 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.inference.binding import Binding, bind_points
 from stages.inference.key_prior import turn_prior
-from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows
 from stages.inference.scaling import fit_cloud
 from stages.inference.smoothing import smooth_as_needed
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
@@ -96,7 +96,7 @@ def follow_cloud(
         )
     device = points.device
     keys = np.flatnonzero(known)
-    key_pose = pose_of_motion(skeleton, rows_of_motion(motion, keys), device)
+    key_pose = pose_of_motion(skeleton, motion.at(keys), device)
     times = torch.arange(motion.frames, dtype=torch.float64, device=device)
     at_keys = torch.as_tensor(keys, device=device)
     key_times = times[at_keys]

@@ -21,7 +21,7 @@ from torch import Tensor
 from data_schemas.skeleton import Motion, Skeleton
 from stages.inference.binding import Binding
 from stages.inference.key_prior import turn_prior
-from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows
 from stages.inference.smoothing import smooth_corrections
 from stages.inference.solving import SolveOptions, solve_pose
 from stages.kinematics.foot_contacts import (
@@ -67,8 +67,8 @@ def lock_feet(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> Locked:
     shifts = _foot_shifts(places, contacts, feet, known, motion.fps)
     if len(gaps) == 0 or not np.any(shifts):
         return Locked(motion, contacts, feet)
-    pose = pose_of_motion(skeleton, rows_of_motion(motion, gaps))
-    keys = pose_of_motion(skeleton, rows_of_motion(motion, np.flatnonzero(known)))
+    pose = pose_of_motion(skeleton, motion.at(gaps))
+    keys = pose_of_motion(skeleton, motion.at(np.flatnonzero(known)))
     moved = _solved(skeleton, pose, keys, feet, shifts[gaps], motion.track_joints)
     return Locked(replace_rows(skeleton, motion, moved, gaps), contacts, feet)
 

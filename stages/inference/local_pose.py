@@ -46,12 +46,6 @@ class LocalPose(NamedTuple):
         return joint_positions(rotations, self.roots, self.offsets, parents), rotations
 
 
-def rows_of_motion(motion: Motion, rows: np.ndarray) -> Motion:
-    """Some frames of a motion, as a motion of their own (its fps then means nothing)."""
-    tracks = motion.tracks[rows] if len(motion.track_joints) else motion.tracks
-    return Motion(motion.rotations[rows], motion.root_positions[rows], motion.fps, motion.track_joints, tracks)
-
-
 def pose_of_motion(skeleton: Skeleton, motion: Motion, device: torch.device | str = "cpu") -> LocalPose:
     """All frames of a motion as a local pose, float32."""
     rotations = torch.as_tensor(np.ascontiguousarray(motion.rotations), dtype=torch.float32)

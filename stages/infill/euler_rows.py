@@ -13,7 +13,6 @@ import numpy as np
 from data_schemas.skeleton import Motion, Skeleton
 from stages.formats.bvh import BvhFile
 from stages.formats.bvh_rows import layout_of, values_of
-from stages.inference.local_pose import rows_of_motion
 
 SAME_DEGREES = 1.0  # forms of an angle differ by far more, rounding by far less
 
@@ -76,7 +75,7 @@ def _followed(
     near = guide[index].copy()
     starts = np.cumsum([0, *(len(run) for run in runs)])
     near[starts[:-1]] = [row for _, _, row in gaps]
-    values = values_of(bvh, skeleton, rows_of_motion(motion, index), near)
+    values = values_of(bvh, skeleton, motion.at(index), near)
     return np.split(values, starts[1:-1])
 
 

@@ -64,19 +64,10 @@ def on_another_rig(
         return
     name = others[int(rng.integers(len(others)))]
     start = int(rng.integers(max(1, motion.frames - _LONGEST + 1)))
-    part = _part(motion, slice(start, start + _LONGEST))
+    part = motion.at(slice(start, start + _LONGEST))
     try:
         made = retarget(reader.skeleton(row.skeleton), part, rigs.skeletons[name], rigs.poses[name])
     except (InputError, ValueError):  # a rig that lacks a limb, a figure folded to a point: this pair teaches nothing
         return
     if made.apart_rad <= APART_RAD and np.isfinite(made.motion.root_positions).all():
         yield replace(row, clip=f"{row.clip}@{name}", skeleton=name), made.motion
-
-
-def _part(motion: Motion, window: slice) -> Motion:
-    return replace(
-        motion,
-        rotations=motion.rotations[window],
-        root_positions=motion.root_positions[window],
-        tracks=motion.tracks[window],
-    )

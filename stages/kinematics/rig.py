@@ -139,8 +139,7 @@ def rig_of_motion(skeleton: Skeleton, motion: Motion, rest_frame: int | None = N
     """
     frames = np.unique(np.linspace(0, motion.frames - 1, _MOST_FRAMES).round().astype(int))
     frames = frames if rest_frame is None else np.array([rest_frame])
-    tracks = motion.tracks[frames] if len(motion.track_joints) else motion.tracks
-    some = Motion(motion.rotations[frames], motion.root_positions[frames], motion.fps, motion.track_joints, tracks)
+    some = motion.at(frames)
     local = local_rotations(torch.as_tensor(some.rotations), skeleton.parents)
     root = skeleton.root
     heads = torch.as_tensor(positions_of(skeleton, some))

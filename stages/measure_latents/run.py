@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -134,14 +134,7 @@ def _scenes(reader: MotionReader, config: Config, points: int) -> list[Scene]:
 
 def _scene(reader: MotionReader, window: Window, config: Config, points: int) -> Scene:
     row = reader.row(window.clip)
-    motion = resample(reader.motion(window.clip), MODEL_FPS)
-    span = slice(window.start, window.start + window.frames)
-    motion = replace(
-        motion,
-        rotations=motion.rotations[span],
-        root_positions=motion.root_positions[span],
-        tracks=motion.tracks[span],
-    )
+    motion = resample(reader.motion(window.clip), MODEL_FPS).at(window.span)
     rigged = Rigged(reader.skeleton(row.skeleton), motion)
     return scene_of(row, window.start, rigged, points, config.sigma_m, config.seed)
 

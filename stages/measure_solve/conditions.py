@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -157,8 +157,4 @@ def shortened(motion: Motion, seconds: float) -> Motion:
     """So many seconds from the middle of a motion, or all of a shorter one."""
     frames = min(motion.frames, round(seconds * motion.fps))
     first = (motion.frames - frames) // 2
-    part = slice(first, first + frames)
-    tracks = motion.tracks[part] if len(motion.track_joints) else motion.tracks
-    return replace(
-        motion, rotations=motion.rotations[part], root_positions=motion.root_positions[part], tracks=tracks
-    )
+    return motion.at(slice(first, first + frames))

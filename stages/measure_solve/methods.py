@@ -12,7 +12,7 @@ import torch
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion
 from stages.inference.following import follow_cloud
-from stages.inference.local_pose import pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.local_pose import pose_of_motion, replace_rows
 from stages.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network, solve_from_network
 from stages.measure_solve.conditions import Case
 from stages.measure_solve.config import Config
@@ -47,7 +47,7 @@ def methods_of(config: Config) -> list[Method]:
 def slerp(case: Case) -> Motion:
     """Great circles between the keys, which are all it sees."""
     keys = np.flatnonzero(case.known)
-    pose = pose_of_motion(case.skeleton, rows_of_motion(case.motion, keys))
+    pose = pose_of_motion(case.skeleton, case.motion.at(keys))
     gaps = np.flatnonzero(~case.known)
     between = pose.at(torch.as_tensor(keys).double(), torch.as_tensor(gaps).double())
     return replace_rows(case.skeleton, case.motion, between, gaps)

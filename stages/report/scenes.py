@@ -153,13 +153,7 @@ def slerped(skeleton: Skeleton, motion: Motion, keys: np.ndarray) -> Motion:
 
 
 def _shortened(motion: Motion, seconds: float) -> Motion:
-    frames = min(motion.frames, int(seconds * motion.fps) + 1)
-    return replace(
-        motion,
-        rotations=motion.rotations[:frames],
-        root_positions=motion.root_positions[:frames],
-        tracks=motion.tracks[:frames] if len(motion.track_joints) else np.zeros((frames, 0, 3), np.float32),
-    )
+    return motion.at(slice(int(seconds * motion.fps) + 1))
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,11 @@ class Window:
     start: int
     frames: int
 
+    @property
+    def span(self) -> slice:
+        """Its frames in the clip."""
+        return slice(self.start, self.start + self.frames)
+
 
 def clip_windows(clip: str, clip_frames: int, task: Task) -> list[Window]:
     """As many windows as fit without overlap, spread evenly from the clip's first frame to its last."""

@@ -16,7 +16,7 @@ from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
 from stages.inference.filled import skates
 from stages.inference.foot_lock import LOOSE, SMOOTH_S, _smooth, lock_feet, standing_feet
-from stages.inference.local_pose import pose_of_motion, replace_rows, rows_of_motion
+from stages.inference.local_pose import pose_of_motion, replace_rows
 from stages.kinematics.foot_contacts import find_feet
 from stages.kinematics.forward import positions_of
 from stages.kinematics.plain_interpolation import damped_smoothness
@@ -33,7 +33,7 @@ def interpolated(name: str, step: int) -> tuple[Skeleton, Motion, Motion, np.nda
     known = keys_every(motion.frames, step)
     keys, gaps = np.flatnonzero(known), np.flatnonzero(~known)
     times = torch.as_tensor(keys).double()
-    pose = pose_of_motion(skeleton, rows_of_motion(motion, keys))
+    pose = pose_of_motion(skeleton, motion.at(keys))
     between = pose.at(times, torch.as_tensor(gaps).double(), damped_smoothness(times, motion.fps))
     return skeleton, motion, replace_rows(skeleton, motion, between, gaps), known
 

@@ -14,7 +14,6 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.formats.bvh import read_bvh
 from stages.formats.bvh_motion import motion_of
 from stages.inference.filling import FillOptions, fill_motion
-from stages.inference.local_pose import rows_of_motion
 from stages.infill.config import Config
 from stages.infill.run import run
 from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
@@ -50,7 +49,7 @@ def windows_of(archive: str) -> list[tuple[Skeleton, Motion]]:
             motion = resample(motion, 30.0)
             if motion.frames >= 121:
                 start = (motion.frames - 121) // 2
-                windows.append((skeleton, rows_of_motion(motion, np.arange(start, start + 121))))
+                windows.append((skeleton, motion.at(np.arange(start, start + 121))))
     return windows
 
 
