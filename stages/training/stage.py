@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.artefact import open_artefact, write_artefact
-from data_schemas.checkpoint import write_checkpoint
+from data_schemas.checkpoint import read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.tpc import TpcReader
@@ -65,20 +65,28 @@ def finish(
             ],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
         )
+    trainings = [{"steps": trained.step, "minutes": round(trained.seconds / 60, 1)}]
     if config.initial is not None:
-        inputs = [*inputs, open_artefact(config.initial, "checkpoint")]
+        initial = open_artefact(config.initial, "checkpoint")
+        inputs, trainings = [*inputs, initial], [*_trainings_of(initial), *trainings]
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
     measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
-    card = _card(stage, config, trained, trained_on, licences, count, measured)
+    card = _card(stage, config, trainings, trained.best_step, trained_on, licences, count, measured)
     with write_artefact(
         config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
     ) as draft:
         write_checkpoint(
             draft.folder,
             weights=weights,
-            config={**network, "window": config.window, "points": config.points, "trained_on": trained_on},
+            config={
+                **network,
+                "window": config.window,
+                "points": config.points,
+                "trained_on": trained_on,
+                "trainings": trainings,
+            },
             optimiser=trained.optimiser,
             log=trained.log,
             card=card,
@@ -96,10 +104,21 @@ def finish(
     )
 
 
+def _trainings_of(initial: Artefact) -> list[dict[str, float]]:
+    """Steps and minutes of each training that weights went through, one after the other; of weights that do not say
+    it, those of the last."""
+    kept = read_checkpoint(initial, optimiser=False)
+    last = kept.log[-1] if kept.log else {}
+    return kept.config.get("trainings") or [
+        {"steps": last.get("step", 0), "minutes": round(last.get("seconds", 0) / 60, 1)}
+    ]
+
+
 def _card(
     stage: str,
     config: TrainingConfig,
-    trained: Trained,
+    trainings: Sequence[Mapping[str, float]],
+    best_step: int,
     trained_on: str,
     licences: Sequence[str],
     count: int,
@@ -112,11 +131,14 @@ def _card(
         "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
-        *([f"- Started from: the weights in {config.initial}."] if config.initial is not None else []),
-        f"- Training: {trained.step} steps of {config.batch} windows of {config.window} frames of {config.points} "
-        f"points, {trained.seconds / 60:.1f} minutes, seed {config.seed}.",
+        *[
+            f"- Started from: weights of {each['steps']} steps in {each['minutes']} minutes."
+            for each in reversed(trainings[:-1])
+        ],
+        f"- Training: {trainings[-1]['steps']} steps of {config.batch} windows of {config.window} frames of "
+        f"{config.points} points, {trainings[-1]['minutes']} minutes, seed {config.seed}.",
         "",
-        f"Validation of these weights, at step {trained.best_step}:",
+        f"Validation of these weights, at step {best_step}:",
         "",
         "| figure | value |",
         "|---|---|",
