@@ -15,7 +15,7 @@ from stages.networks.frame_encoder import FrameEncoder
 from stages.pointcloud.assignment import paired_difference
 from stages.pointcloud.reconstruction import distances, nearest_differences, spread_ratios
 from stages.train_ae.config import Config
-from stages.training.task import RowRandom
+from stages.training.task import HELD_BACK_SEED, RowRandom
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
 _UNIT_M = 0.1  # the loss is in squared decimetres, so that it is near 1 at the start
@@ -58,7 +58,7 @@ class AutoencoderTask:
         self.config, self.pool, self.device = config, pool, device
         torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
         self.networks = Autoencoder(config).to(device)
-        rng = np.random.default_rng((config.seed, 7))
+        rng = np.random.default_rng((HELD_BACK_SEED, 7))
         windows = held_back.draw(32, config.window, rng, augment=False)
         self.held_back = self._clouds(windows, rng, augment=False, copies=2)
 

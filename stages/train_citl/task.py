@@ -17,7 +17,7 @@ from stages.networks.device import precision
 from stages.networks.pose_interpolator import PoseInterpolator, PoseWindows
 from stages.train_citl.config import Config
 from stages.training.masks import draw_keys
-from stages.training.task import RowRandom, step_seed
+from stages.training.task import HELD_BACK_SEED, RowRandom, step_seed
 from stages.training.windows import WindowPool, Windows
 
 _VALIDATION_WINDOWS = 32
@@ -90,7 +90,7 @@ class InterpolatorTask:
     def _validation(self, pool: WindowPool):
         """The same held-back windows with keys every 5, 15 and 30 frames."""
         config = self.config
-        windows = pool.draw(_VALIDATION_WINDOWS, config.window, step_seed(config.seed, 5, 0), augment=False)
+        windows = pool.draw(_VALIDATION_WINDOWS, config.window, step_seed(HELD_BACK_SEED, 5, 0), augment=False)
         frames = torch.arange(config.window)
         last = windows.valid.sum(1, keepdim=True) - 1
         for every in (5, 15, 30):

@@ -25,7 +25,7 @@ from stages.train_lms.config import Config
 from stages.train_lms.kept_windows import KeptWindows, LatentBatch, Schedule
 from stages.training.batches import DRAW
 from stages.training.masks import draw_known
-from stages.training.task import RowRandom, step_generator, step_random, step_seed
+from stages.training.task import HELD_BACK_SEED, RowRandom, step_generator, step_random, step_seed
 from stages.training.unfinished import Unfinished
 from stages.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 
@@ -33,11 +33,8 @@ _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
 _LEAST_LATENT = 0.1
 _IDENTITIES = 7  # the purpose of the generators
 _FRAMES_AT_ONCE = 4096  # clouds encoded in one call
-_HELD_BACK = (
-    32,
-    32,
-    32,
-)  # windows to validate on, in parts; with 32 in all, noise of a hundredth chose the best step
+# Windows to validate on, in parts; with 32 in all, noise of a hundredth chose the best step.
+_HELD_BACK = (32, 32, 32)
 _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
 
 
@@ -123,12 +120,12 @@ class SynthesiserTask:
         config, batches = self.config, []
         frames = torch.arange(config.window)
         for part, count in enumerate(_HELD_BACK):
-            windows = pool.draw(count, config.window, step_seed(config.seed, 5, part), augment=False)
+            windows = pool.draw(count, config.window, step_seed(HELD_BACK_SEED, 5, part), augment=False)
             lengths = windows.valid.sum(1, keepdim=True)
             known = {str(every): (frames % every == 0) | (frames == lengths - 1) for every in (5, 15, 30)}
             known["predict"] = frames < (lengths - 15).clamp_min(1)
             for number, (name, each) in enumerate(known.items()):
-                random = step_seed(config.seed, 6, part * len(known) + number)
+                random = step_seed(HELD_BACK_SEED, 6, part * len(known) + number)
                 batches.append((name, self._clouds(windows, each & windows.valid, random, augment=False)))
         return batches
 

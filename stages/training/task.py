@@ -11,6 +11,8 @@ from torch import Tensor, nn
 
 from stages.networks.row_generator import RowGenerator, row_generator
 
+HELD_BACK_SEED = 0  # of the windows to validate on: trainings of other seeds are measured on the same ones
+
 
 class RowRandom(np.random.Generator):
     """A generator for a whole batch and, in `rows`, one for each of its windows.

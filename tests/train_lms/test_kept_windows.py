@@ -151,6 +151,18 @@ def test_a_process_that_draws_ahead_encodes_what_the_steps_learn_from(tmp_path):
     assert torch.get_num_threads() == threads
 
 
+def test_another_seed_trains_on_other_windows_and_is_measured_on_the_same(tmp_path):
+    config = config_of(tmp_path)
+    with TpcReader(config.tpc) as reader:
+        pools, models = window_pools(reader, config), load_autoencoder(config.ae, "cpu")
+        tasks = [SynthesiserTask(config.model_copy(update={"seed": seed}), models, *pools, CPU) for seed in (0, 1)]
+        drawn = [task.draw(step_random(task.config.seed, 1, 0, range(2))) for task in tasks]
+        assert not torch.equal(drawn[0].points, drawn[1].points)
+        for (name, one), (other_name, other) in zip(tasks[0].held_back, tasks[1].held_back, strict=True):
+            assert name == other_name
+            assert torch.equal(one.points, other.points) and torch.equal(one.known, other.known)
+
+
 def test_a_window_keeps_its_identities_and_what_the_decoder_makes_of_it(tmp_path):
     config = config_of(tmp_path, mixed_precision=False)
     with TpcReader(config.tpc) as reader:
