@@ -184,6 +184,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        "average-checkpoints", ("average-checkpoints",), "stages.average_checkpoints",
+        "Average several trainings that started from the same weights: better than each of them.",
+        ("checkpoint",), "checkpoint",
+        "pumps average-checkpoints runs/mine/lms-1 runs/mine/lms-2 -o runs/mine/train-lms",
+        arguments=("checkpoints",), pipeline=False,
+    ),
+    Stage(
         "measure-ae", ("measure", "ae"), "stages.measure_ae",
         "Measure autoencoders on held-out clouds: the rows of PUMPS Table 2.",
         ("tpc", "checkpoint"), "metrics",

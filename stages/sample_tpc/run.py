@@ -56,10 +56,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("Sampling clouds", total=len(rows))
         for row in rows:
             motion = reader.motion(row.clip)
-            others = row.split == "train" and on_another_rig(
-                reader, row, motion, rigs, config.seed, config.mixed_rigs
+            others = (
+                on_another_rig(reader, row, motion, rigs, config.seed, config.mixed_rigs)
+                if row.split == "train"
+                else ()
             )
-            for here, moved in ((row, motion), *(others or ())):
+            for here, moved in ((row, motion), *others):
                 frames += _add(writer, config, here, reader.skeleton(here.skeleton), moved, bodies[here.skeleton])
                 clips += 1
                 carried += here is not row

@@ -17,6 +17,7 @@ from stages.config import StageReport
 from stages.training.config import TrainingConfig
 from stages.training.loop import Trained
 from stages.training.ranks import started_ranks
+from stages.training.trainings import trainings_of
 from stages.training.unfinished import Unfinished
 from stages.training.windows import WindowPool
 
@@ -68,7 +69,7 @@ def finish(
     trainings = [{"steps": trained.step, "minutes": round(trained.seconds / 60, 1)}]
     if config.initial is not None:
         initial = open_artefact(config.initial, "checkpoint")
-        inputs, trainings = [*inputs, initial], [*_trainings_of(initial), *trainings]
+        inputs, trainings = [*inputs, initial], [*trainings_of(read_checkpoint(initial, optimiser=False)), *trainings]
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
@@ -102,16 +103,6 @@ def finish(
         ],
         figures=figures,
     )
-
-
-def _trainings_of(initial: Artefact) -> list[dict[str, float]]:
-    """Steps and minutes of each training that weights went through, one after the other; of weights that do not say
-    it, those of the last."""
-    kept = read_checkpoint(initial, optimiser=False)
-    last = kept.log[-1] if kept.log else {}
-    return kept.config.get("trainings") or [
-        {"steps": last.get("step", 0), "minutes": round(last.get("seconds", 0) / 60, 1)}
-    ]
 
 
 def _card(

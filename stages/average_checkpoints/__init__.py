@@ -1,0 +1,1 @@
+"""One network from several trainings of it: the mean of their weights."""
