@@ -86,7 +86,7 @@ def _distance(kept: Checkpoint, mean: Mapping[str, np.ndarray]) -> float:
     return share if np.isfinite(share) else float("inf")
 
 
-def _trainings(kept: Sequence[Checkpoint]) -> list[dict[str, float]]:
+def _trainings(kept: Sequence[Checkpoint]) -> list[dict[str, Any]]:
     """All trainings that are in the mean: those that they have in common once, then those of each."""
     every = [trainings_of(each) for each in kept]
     shared = 0
@@ -95,7 +95,7 @@ def _trainings(kept: Sequence[Checkpoint]) -> list[dict[str, float]]:
     return [*every[0][:shared], *(training for own in every for training in own[shared:])]
 
 
-def _card(kept: Sequence[Checkpoint], trainings: Sequence[dict[str, float]], licences: Sequence[str]) -> str:
+def _card(kept: Sequence[Checkpoint], trainings: Sequence[dict[str, Any]], licences: Sequence[str]) -> str:
     count = sum(value.size for value in kept[0].weights.values())
     lines = [
         "# average-checkpoints: weights of pumps",

@@ -23,6 +23,7 @@ from stages.shipped import weights_folder
 from stages.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.statistics.tasks import PREDICTION
 from stages.statistics.windows import Task, Window
+from stages.training.trainings import data_of
 
 TRUE_CLOUD = "solve-true-cloud"
 RECONSTRUCTED = "-reconstructed"
@@ -63,9 +64,11 @@ class LoadedWeights:
         return [folder / part for part in PARTS if (folder / part / MANIFEST_NAME).is_file()]
 
     def trained_on(self) -> list[str]:
-        """What its networks say that they were trained on, a line each. Raises InputError where one says nothing."""
-        lines = [str(read_checkpoint(p, optimiser=False).config.get("trained_on", "")) for p in self.artefacts()]
-        if not all(" from " in line for line in lines):
+        """What its networks, and the weights that they started from, say that they were trained on. Raises InputError
+        where one says nothing."""
+        told = [data_of(read_checkpoint(path, optimiser=False)) for path in self.artefacts()]
+        lines = [line for lines in told for line in lines]
+        if not all(told) or not all(" from " in line for line in lines):
             raise InputError(
                 f"The weights {self.name} do not say what they were trained on.",
                 "Leave --unseen away, and choose the clips with --where.",

@@ -66,7 +66,9 @@ def finish(
             ],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
         )
-    trainings = [{"steps": trained.step, "minutes": round(trained.seconds / 60, 1)}]
+    trainings: list[dict[str, Any]] = [
+        {"steps": trained.step, "minutes": round(trained.seconds / 60, 1), "trained_on": trained_on}
+    ]
     if config.initial is not None:
         initial = open_artefact(config.initial, "checkpoint")
         inputs, trainings = [*inputs, initial], [*trainings_of(read_checkpoint(initial, optimiser=False)), *trainings]
@@ -105,10 +107,19 @@ def finish(
     )
 
 
+def _told(training: Mapping[str, Any]) -> str:
+    return f"{training['steps']} steps in {training['minutes']} minutes"
+
+
+def _on_other(training: Mapping[str, Any], trained_on: str) -> str:
+    other = training.get("trained_on", trained_on)
+    return "" if other == trained_on else f", on {other}"
+
+
 def _card(
     stage: str,
     config: TrainingConfig,
-    trainings: Sequence[Mapping[str, float]],
+    trainings: Sequence[Mapping[str, Any]],
     best_step: int,
     trained_on: str,
     licences: Sequence[str],
@@ -123,11 +134,11 @@ def _card(
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
         *[
-            f"- Started from: weights of {each['steps']} steps in {each['minutes']} minutes."
+            f"- Started from: weights of {_told(each)}{_on_other(each, trained_on)}."
             for each in reversed(trainings[:-1])
         ],
-        f"- Training: {trainings[-1]['steps']} steps of {config.batch} windows of {config.window} frames of "
-        f"{config.points} points, {trainings[-1]['minutes']} minutes, seed {config.seed}.",
+        f"- Training: {_told(trainings[-1])}, a step of {config.batch} windows of {config.window} frames of "
+        f"{config.points} points, seed {config.seed}.",
         "",
         f"Validation of these weights, at step {best_step}:",
         "",

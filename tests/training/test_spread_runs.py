@@ -138,6 +138,7 @@ def test_a_training_starts_from_a_finished_one_and_its_optimiser(clouds, tmp_pat
     assert again.optimiser is not None
     assert {int(value) for name, value in again.optimiser.items() if name.startswith("step/")} == {12}
     assert [each["steps"] for each in again.config["trainings"]] == [6, 6]
+    assert {each["trained_on"] for each in again.config["trainings"]} == {kept.config["trained_on"]}
     assert "Started from: weights of 6 steps" in again.card and str(tmp_path) not in again.card
 
     other = {**TINY, "initial": first.output, "encoder": {**TINY["encoder"], "width": 4}}
