@@ -28,6 +28,11 @@ def test_few_clips_and_mixed_ones_say_nothing():
     assert doubts_of(_rows("mixed", [0.9, -0.9, 0.9, -0.9, 0.2, 0.1])) == []
 
 
+def test_a_few_acrobatics_do_not_make_a_frame_rate_wrong():
+    speeds = [1.8, 0.5, 0.0, 0.5, 0.3, 0.0, -0.1, 0.0, 1.0, 0.4, 0.9, 0.6, 0.6, 1.2, 0.3]
+    assert sum(speeds) / len(speeds) > 0.5 and doubts_of(_rows("clips", speeds)) == []
+
+
 def test_faults_are_counted():
     rows = _rows("walks", [0.0], t_pose=True) + _rows("more", [0.0, 0.0], flips=3) + _rows("good", [0.0])
     (line,) = doubts_of(rows)
