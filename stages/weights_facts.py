@@ -12,6 +12,7 @@ from data_schemas.damaged_files import reading
 from data_schemas.manifest import Artefact
 from stages import shipped
 from stages.shipped import CARD_NAME, MEASURED_NAME, default_weights, parts_of, weights_folder
+from stages.training.trainings import trainings_of
 
 VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "worse": "Bad at"}
 
@@ -20,8 +21,9 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
     """What is known of some weights: plain data, from their artefacts and what was measured of them.
 
     Returns: name, folder, default, licences, bytes, parameters, trained_on, longest_gap (frames at 30 a second),
-        steps, validation (figures of the steps that were kept, autoencoder and synthesiser), measured (a list of
-        mappings as `pumps pack-weights --measured` wrote it, or none) and card (Markdown, "" where there is none).
+        steps (of all trainings that they tell of) and validation (figures of the steps that were kept), each of
+        autoencoder and synthesiser, measured (a list of mappings as `pumps pack-weights --measured` wrote it, or
+        none) and card (Markdown, "" where there is none).
     Raises: InputError where there are no such weights, or they are damaged.
     """
     folder = weights_folder(name_or_path)
@@ -38,7 +40,7 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
         "parameters": {part: sum(v.size for v in k.weights.values()) for part, k in zip(parts, kept, strict=True)},
         "trained_on": str(kept[1].config.get("trained_on", "")),
         "longest_gap": int(kept[1].config.get("longest_gap", 0)),
-        "steps": {part: max((row["step"] for row in k.log), default=0) for part, k in zip(parts, kept, strict=True)},
+        "steps": {part: sum(each["steps"] for each in trainings_of(k)) for part, k in zip(parts, kept, strict=True)},
         "validation": {part: _best(k.log) for part, k in zip(parts, kept, strict=True)},
         "measured": _measured(folder),
         "card": _text(folder / CARD_NAME),
