@@ -226,11 +226,13 @@ $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.jso
 #   SLICE        minutes until it stops with a checkpoint; 0: until all is done
 #   INITIAL      folder of weights to start from, when slices lie on machines that keep nothing
 #   AE           an autoencoder's checkpoint to take instead of training one
+#   AVERAGE      synthesisers' checkpoints to average with the one that is trained, such as the one it started from
 #   CALIBRATE    further recordings whose validation clips say how far to trust the weights; two archives are few
 #   TRAIN_FLAGS  for both trainings: '--workers 8 --cache-mb 2000'
 SLICE       ?= 0
 INITIAL     ?=
 AE          ?=
+AVERAGE     ?=
 TRAIN_FLAGS ?=
 CALIBRATE   ?= $(if $(filter small-free,$(RECIPE)),stages/clips)
 TO          ?= $(R)/bundle
@@ -269,7 +271,11 @@ pretrain-train:
 	@$(MAKE) --no-print-directory pretrain-pack
 
 pretrain-pack:
-	@$(PUMPS) pack-weights $(R) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
+ifneq (,$(AVERAGE))
+	@mkdir -p $(R)/averaged && cp -R $(R)/train-ae $(R)/averaged/
+	@$(PUMPS) average-checkpoints $(R)/train-lms $(AVERAGE) -o $(R)/averaged/train-lms
+endif
+	@$(PUMPS) pack-weights $(R)$(if $(AVERAGE),/averaged) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
 
 # How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the
 # weights are good and bad at.
