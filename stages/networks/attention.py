@@ -123,6 +123,12 @@ class TimeAttention(nn.Module):
         return values.view(batch, frames, self.heads, width // self.heads).transpose(1, 2)
 
 
+def clear_linear(layer: nn.Module) -> None:
+    """Zero all of a linear layer's parameters."""
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+
+
 class TimeLayer(nn.Module):
     """Pre-norm attention over time, then a feed-forward part; asks the frames themselves, or a memory."""
 
@@ -133,6 +139,11 @@ class TimeLayer(nn.Module):
         self.attention = TimeAttention(width, heads, rotary)
         self.feed_norm = ExactNorm(width)
         self.feed = nn.Sequential(nn.Linear(width, widening * width), nn.GELU(), nn.Linear(widening * width, width))
+
+    def begin_as_identity(self) -> None:
+        """Give back what comes in, until it is trained: so a layer joins layers that are trained."""
+        for last in (self.attention.out, self.feed[-1]):
+            clear_linear(last)
 
     def forward(
         self,

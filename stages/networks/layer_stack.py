@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
 from torch.utils.checkpoint import checkpoint
+
+
+@runtime_checkable
+class GrowingLayer(Protocol):
+    """A layer that can be added to trained ones without changing what they do."""
+
+    def begin_as_identity(self) -> None:
+        """Give back what comes in, until it is trained."""
+        ...
 
 
 class LayerStack(nn.ModuleList):

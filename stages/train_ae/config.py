@@ -18,6 +18,13 @@ class Config(TrainingConfig):
     tpc: Path = Field(description="The tpc artefact to learn from.")
     encoder: EncoderSizes = EncoderSizes()
     decoder: DecoderSizes = DecoderSizes()
+    even_share: float = Field(
+        0.0,
+        description="Share of the steps whose points are spread evenly over the bones, as filling spreads them; in "
+        "the others they are drawn at random.",
+        ge=0,
+        le=1,
+    )
     loss: str = Field("assignment", description="Pairs of points: assignment, or chamfer (PUMPS Table 2).")
     prior_weight: float = Field(
         1.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -67,15 +68,17 @@ class AutoencoderTask:
         windows = self.pool.draw(
             len(rng.rows), config.window, rng, augment=config.augment, proportions=config.proportions
         )
-        return self._clouds(windows, rng, augment=config.augment)[0]
+        even = math.floor((rng.step + 1) * config.even_share) > math.floor(rng.step * config.even_share)
+        return self._clouds(windows, rng, augment=config.augment, even=even)[0]
 
     def _clouds(
-        self, windows: Windows, rng: np.random.Generator, *, augment: bool, copies: int = 1
+        self, windows: Windows, rng: np.random.Generator, *, augment: bool, copies: int = 1, even: bool = False
     ) -> list[CloudBatch]:
         """Clouds of the windows; further copies are other draws of points with the same groups, placed alike."""
         config = self.config
         centre = known_centre(windows.heads, windows.valid)
-        cloud = draw_clouds(windows, config.points, (config.sigma_min_m, config.sigma_max_m), rng, augment=augment)
+        sigma = (config.sigma_min_m, config.sigma_max_m)
+        cloud = draw_clouds(windows, config.points, sigma, rng, augment=augment, even=even)
         batches = []
         for _ in range(copies):
             points = clouds_of(windows.heads, windows.rotations, cloud, centre)

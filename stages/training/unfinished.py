@@ -25,6 +25,7 @@ from data_schemas.artefact import open_artefact, partial_folder, write_artefact
 from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import MANIFEST_NAME
+from stages.networks.layer_stack import GrowingLayer
 from stages.progress import Progress
 from stages.training.config import TrainingConfig
 
@@ -149,6 +150,9 @@ def arrays_of(tensors: Mapping[str, Tensor]) -> dict[str, np.ndarray]:
 def set_weights(networks: nn.Module, arrays: Mapping[str, np.ndarray], *, source: Path) -> list[str]:
     """Give the networks the weights of a checkpoint; those it does not name stay as they are, and are returned.
 
+    Layers that are new from end to end begin as the identity where they can, so that networks grown deeper do at
+    first what they did.
+
     Raises: InputError where it holds weights that these networks have no place for.
     """
     own = networks.state_dict()
@@ -162,4 +166,8 @@ def set_weights(networks: nn.Module, arrays: Mapping[str, np.ndarray], *, source
     networks.load_state_dict(
         {name: torch.from_numpy(np.array(value)).to(own[name].dtype) for name, value in arrays.items()}, strict=False
     )
-    return [name for name in own if name not in arrays]
+    fresh = [name for name in own if name not in arrays]
+    for name, module in networks.named_modules():
+        if isinstance(module, GrowingLayer) and not any(key.startswith(f"{name}.") for key in arrays):
+            module.begin_as_identity()
+    return fresh

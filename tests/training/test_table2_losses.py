@@ -16,6 +16,7 @@ from stages.train_ae.config import Config
 from stages.train_ae.task import AutoencoderTask, Reconstruction
 from stages.training.stage import window_pools
 from stages.training.task import step_generator, step_random
+from stages.training.windows import draw_clouds
 from tests.training.tiny_clouds import write_clouds
 
 SIZES = {"width": 16, "layers": 1, "heads": 2, "noise": 4, "point_width": 8, "point_hidden": 8, "dropout": 0.0}
@@ -77,3 +78,22 @@ def test_a_vaes_loss_has_its_codes_divergence(clouds: Path):
 def test_unknown_losses_are_refused(clouds: Path):
     with pytest.raises(ValidationError, match="assignment, chamfer"):
         loss_of(clouds, loss="sinkhorn")
+
+
+@pytest.mark.parametrize(("share", "wanted"), [(0.0, 0), (0.25, 2), (0.5, 4), (1.0, 8)])
+def test_a_share_of_the_steps_sees_points_spread_evenly(clouds: Path, monkeypatch, share, wanted):
+    config = Config(tpc=clouds, output=clouds / "x", batch=4, window=8, points=24, device="cpu", even_share=share)
+    seen: list[bool] = []
+
+    def drawn(*given, even, **named):
+        seen.append(even)
+        return draw_clouds(*given, even=even, **named)
+
+    with TpcReader(clouds) as reader:
+        task = AutoencoderTask(config, *window_pools(reader, config), torch.device("cpu"))
+        monkeypatch.setattr("stages.train_ae.task.draw_clouds", drawn)
+        for step in range(8):
+            for rows in (range(2), range(2, 4)):  # parts of one batch are spread alike
+                task.draw(step_random(0, 1, step, rows))
+    assert seen[::2] == seen[1::2]
+    assert sum(seen[::2]) == wanted
