@@ -69,10 +69,12 @@ def read_packed(group: h5py.Group, window: slice, parents: np.ndarray, frames: i
     hung = np.repeat(offsets[None].astype(np.float64), len(turns), axis=0)
     hung[:, moving] = places * PLACE_STEP_M
     heads, rotations = hung.copy(), local.copy()
-    for bone in range(1, bones):
-        parent = Rotation.from_quat(rotations[:, parents[bone]])
-        heads[:, bone] = heads[:, parents[bone]] + parent.apply(hung[:, bone])
-        rotations[:, bone] = (parent * Rotation.from_quat(local[:, bone])).as_quat()
+    for level in _levels(parents):
+        above = parents[level]
+        parent = Rotation.from_quat(rotations[:, above].reshape(-1, 4))
+        heads[:, level] = heads[:, above] + parent.apply(hung[:, level].reshape(-1, 3)).reshape(-1, len(level), 3)
+        own = parent * Rotation.from_quat(local[:, level].reshape(-1, 4))
+        rotations[:, level] = own.as_quat().reshape(-1, len(level), 4)
     return heads.astype(np.float32), _continuous(rotations).astype(np.float32)
 
 
@@ -92,6 +94,14 @@ def _in_parents(heads: np.ndarray, rotations: np.ndarray, parents: np.ndarray) -
         back = Rotation.from_rotvec(steps[:, bone] * TURN_STEP_RAD)
         kept.append(back if above is None else above * back)
     return steps, hung
+
+
+def _levels(parents: np.ndarray) -> list[np.ndarray]:
+    """Bones equally far from the root, which is left out; near ones first."""
+    depth = np.zeros(len(parents), np.int64)
+    for bone in range(1, len(parents)):
+        depth[bone] = depth[parents[bone]] + 1
+    return [np.flatnonzero(depth == level) for level in range(1, int(depth.max(initial=0)) + 1)]
 
 
 def _continuous(rotations: np.ndarray) -> np.ndarray:
