@@ -35,6 +35,7 @@ from stages.inference.confidence import Confidence, trust_of
 from stages.inference.easing import ease_at_keys
 from stages.inference.filled import Filled, keys_at_gaps, nothing_to_fill, skates, velocity_jumps
 from stages.inference.foot_lock import lock_feet
+from stages.inference.key_prior import turn_prior
 from stages.inference.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows
 from stages.inference.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
 from stages.inference.solving import Corrections, SolveOptions, solve_pose
@@ -197,7 +198,9 @@ def solve_clip(
         starts = (np.arange(count) + 0.5) / max(count, 1)
         encoded = [spread_on_skeleton(skeleton, size, start, options.sigma_m, device) for start in starts]
         clouds = find_clouds(scene, drawn, encoded, models, cloud, seed, latents)
-        return Solved(scene, clouds, _solve_tokens(scene, clouds, options.solve), key_pose)
+        # What a joint did not do over the keys, noise in the points does not make it do between them.
+        prior = turn_prior(key_pose.local, options.solve.turn_prior_rad)
+        return Solved(scene, clouds, _solve_tokens(scene, clouds, options.solve, prior), key_pose)
 
 
 def _base_settings(
@@ -244,8 +247,9 @@ def _check(
         raise InputError("The skeleton has no bone that a point cloud can see.", "Look at it with pumps inspect.")
 
 
-def _solve_tokens(scene: Scene, clouds: Clouds, options: SolveOptions) -> Corrections:
-    """Carry the base's bound points by the clouds' difference, less what the difference is at the keys, and solve."""
+def _solve_tokens(scene: Scene, clouds: Clouds, options: SolveOptions, prior: Tensor) -> Corrections:
+    """Carry the base's bound points by the clouds' difference, less what the difference is at the keys, and solve;
+    `prior` (J, 3, 3) is the joints' (`turn_prior`)."""
     binding, parents = clouds.binding, scene.skeleton.parents
     times, is_key = scene.times, scene.is_key
 
@@ -264,7 +268,8 @@ def _solve_tokens(scene: Scene, clouds: Clouds, options: SolveOptions) -> Correc
         bound, frames, away = differences(rows)
         away = away - interpolate_values(at_keys, times[is_key], times[rows])
         targets = bound + (frames @ away.unsqueeze(-1)).squeeze(-1)
-        parts.append(solve_pose(targets, binding, *scene.base.rows(rows), parents, scene.skeleton.root, options))
+        base = scene.base.rows(rows)
+        parts.append(solve_pose(targets, binding, *base, parents, scene.skeleton.root, options, prior))
     turns, shifts, _, residual = (torch.cat(values) for values in zip(*parts, strict=True))
     return Corrections(turns, shifts, parts[0].seen, residual)
 
