@@ -66,7 +66,7 @@ class FillOptions:
 
     solve: SolveOptions = field(default_factory=SolveOptions)
     base_smooth: float | None = None
-    smooth_span: float = 1.0
+    smooth_span: float = 1.5
     turn_floor_rad: float = 0.03
     shift_floor_m: float = 0.004
     trust: float = 1.0
