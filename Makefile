@@ -15,6 +15,7 @@
 # make held-out    weights on whole archives that they never saw, with feel; HELD_OUT_WEIGHTS=small-free
 #                  HELD_OUT_WINDOWS=40 (for each archive and task); DATA names other recordings
 # make unseen-rigs  test clips put on rigs that weights never saw, and measured there; RIGS='rigs.zip a.bvh'
+# make weights-report  measures the weights that ship, as above and on their own archives, and writes docs/results.md
 # make gallery     twelve clips on six rigs, filled: truth, slerp and pumps side by side in runs/gallery/gallery.html, and
 #                  the picture docs/pictures/gallery.svg; GALLERY_WEIGHTS=small (default: those that infill takes)
 # make first-picture  the picture of the README's first example
@@ -73,7 +74,7 @@ SPACE := $(EMPTY) $(EMPTY)
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: gallery first-picture held-out held-out-measured unseen-rigs unseen-rigs-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
+.PHONY: gallery first-picture weights-report weights-measured held-out held-out-measured unseen-rigs unseen-rigs-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -337,6 +338,41 @@ $(R)/on-rigs/clips/manifest.json: $(R)/ingest/manifest.json $(R)/rigs/manifest.j
 $(R)/on-rigs/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/on-rigs/clips/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/weights/$(each)/*/manifest.json))
 	$(PUMPS) evaluate --config $< --motion $(R)/on-rigs/clips --tasks interpolation --tasks transition \
 	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
+
+# The tables of docs/results.md about the weights that ship. Where the cores are free, `make -j2` with OMP_NUM_THREADS=1.
+WEIGHTS_ARCHIVES = archive in ($(foreach name,$(1),"$(name).zip",))
+WEIGHTS_MEASURED := own-small own-small-free parts-small loose-small unseen-small-free on-rigs/small
+
+weights-report: install-dev
+	@$(MAKE) --no-print-directory weights-measured RUN='$(call unless_given,RUN,weights)' PRESET=laptop \
+	  DATA='$(HELD_OUT_DATA) stages/clips' SPLITS='$(wildcard $(SHARED_DATA)/splits.json)' FPS_OVERRIDE='*salsa*=60'
+	$(VENV)/bin/python benchmarks/weights_tables.py '$(RUNS)/$(call unless_given,RUN,weights)' --page docs/results.md
+
+weights-measured: configure
+	@$(MAKE) --no-print-directory $(WEIGHTS_MEASURED:%=$(R)/%/manifest.json)
+
+weights_measured = $(PUMPS) evaluate --config $(C)/evaluate.toml --weights $(1) -o $(@D)
+
+$(R)/own-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))'
+
+$(R)/own-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small-free/*/manifest.json)
+	$(call weights_measured,small-free) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small-free))'
+
+$(R)/parts-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
+	  --breakdown --tasks interpolation --max-windows 8
+
+$(R)/loose-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
+	  --no-foot-lock --tasks interpolation --intervals 15 --intervals 30 --max-windows 12
+
+$(R)/unseen-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small-free/*/manifest.json)
+	$(call weights_measured,small-free) --motion $(R)/ingest --unseen --tasks interpolation --tasks transition --max-windows 20
+
+$(R)/on-rigs/small/manifest.json: $(R)/on-rigs/clips/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+	$(call weights_measured,small) --motion $(R)/on-rigs/clips --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
+	  --tasks interpolation --tasks transition --max-windows 20
 
 # ---- to look at ------------------------------------------------------------------------------------------------
 

@@ -30,12 +30,16 @@ def choose_device(name: str) -> torch.device:
 
 
 def computes_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 products are faster than float32 there: on GPUs since Ampere, on CPUs with AMX tiles."""
+    """Whether bfloat16 products are faster than float32 there.
+
+    On GPUs since Ampere; on CPUs with AMX tiles (six times as fast) or AVX-512's bfloat16 dot products (four times on
+    Zen 5, where MKL's float32 products do without AVX-512).
+    """
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
     if device.type == "cpu":
-        asks = getattr(torch.cpu, "_is_amx_tile_supported", None)
-        return bool(asks and asks())
+        asks = [getattr(torch.cpu, name, None) for name in ("_is_amx_tile_supported", "_is_avx512_bf16_supported")]
+        return any(ask is not None and ask() for ask in asks)
     return False
 
 

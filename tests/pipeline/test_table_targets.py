@@ -59,6 +59,13 @@ def test_weights_are_measured_on_rigs_that_they_never_saw(tmp_path: Path):
     assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
 
 
+def test_shipped_weights_are_measured_once_for_all_tables_about_them(tmp_path: Path):
+    report = Table(tmp_path)
+    report.target = "weights-measured"
+    assert report.make() == ["ingest", *["evaluate"] * 5, "ingest", "retarget-clips", "evaluate"]
+    assert report.make() == []
+
+
 def test_the_latent_report_needs_recordings_alone(tmp_path: Path):
     report = Table(tmp_path)
     report.target = "latents"

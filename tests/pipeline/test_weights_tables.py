@@ -1,0 +1,54 @@
+"""The page of the weights that ship: every table on it is written by what `make weights-report` measures."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from data_schemas.artefact import write_artefact
+from data_schemas.metrics import write_metrics
+from tests.statistics.test_tables import ROW
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "results.md"
+SECTION = re.compile(r"<!-- weights (.+): begin -->(.*?)<!-- weights \1: end -->", re.S)
+
+
+@pytest.fixture(scope="module")
+def made() -> ModuleType:
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    spec = importlib.util.spec_from_file_location("weights_tables", ROOT / "benchmarks" / "weights_tables.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_table_has_its_place_on_the_page_and_its_target_in_the_makefile(made: ModuleType) -> None:
+    marked = [name for name, _ in SECTION.findall(PAGE.read_text("utf-8"))]
+    assert sorted(marked) == sorted(made.TABLES)
+    line = next(x for x in (ROOT / "Makefile").read_text().splitlines() if x.startswith("WEIGHTS_MEASURED :="))
+    assert set(line.partition(":=")[2].split()) == {folder for folder, _ in made.TABLES.values()}
+
+
+def test_what_was_measured_stands_on_the_page(made: ModuleType, tmp_path: Path, monkeypatch) -> None:
+    filled = replace(ROW, method="small", value=0.25)
+    measured = [ROW, filled, replace(filled, metric="key_jump_mps", value=0.98765)]
+    for folder in {folder for folder, _ in made.TABLES.values()}:
+        with write_artefact(tmp_path / folder, "metrics", stage="evaluate", config={}) as draft:
+            write_metrics(draft.folder, measured, "# Evaluation")
+    page = tmp_path / "page.md"
+    page.write_text(PAGE.read_text("utf-8"), "utf-8")
+    monkeypatch.setattr(sys, "argv", ["weights_tables.py", str(tmp_path), "--page", str(page)])
+    made.main()
+    text, before = page.read_text("utf-8"), PAGE.read_text("utf-8")
+    written = "".join(section[1] for section in SECTION.findall(text))
+    assert written.count("| set-1 | small | 0.50") == 4, "shares of slerp's 0.5"
+    assert written.count("×0.50") == 2 and written.count("0.988") == 2
+    assert SECTION.sub("", text) == SECTION.sub("", before), "nothing else is touched"
