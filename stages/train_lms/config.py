@@ -30,6 +30,13 @@ class Config(TrainingConfig):
     even: bool = Field(
         True, description="Spread points evenly over the bones: latents then hang on the pose, hardly on the draw."
     )
+    recorded_share: float = Field(
+        0.0,
+        description="With augment, share of the windows that keep the speed, size and bones they were recorded with; "
+        "they are mirrored and turned all the same.",
+        ge=0.0,
+        le=1.0,
+    )
     reuse: int = Field(
         1,
         description="Steps that a window, once encoded, serves in: encoding costs more than half a step on a CPU.",

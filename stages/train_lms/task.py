@@ -108,11 +108,18 @@ class SynthesiserTask:
 
     def _drawn(self, rng: RowRandom) -> FillBatch:
         config = self.config
+        # Each window's own chance, not a turn of the steps: `reuse` draws afresh at some steps alone.
+        as_recorded = np.array([row.random() < config.recorded_share for row in rng.rows])
         windows = self.pool.draw(
-            len(rng.rows), config.window, rng, augment=config.augment, proportions=config.proportions
+            len(rng.rows),
+            config.window,
+            rng,
+            augment=config.augment,
+            proportions=config.proportions,
+            as_recorded=as_recorded,
         )
         known = draw_known(windows.valid.sum(1), config.window, config.longest_gap, rng)
-        batch = self._clouds(windows, known, rng, augment=config.augment)
+        batch = self._clouds(windows, known, rng, augment=config.augment, as_recorded=as_recorded)
         return replace(batch, step=rng.step, rows=rng.numbers)
 
     def _validation(self, pool: WindowPool) -> list[tuple[str, FillBatch]]:
@@ -129,10 +136,20 @@ class SynthesiserTask:
                 batches.append((name, self._clouds(windows, each & windows.valid, random, augment=False)))
         return batches
 
-    def _clouds(self, windows: Windows, known: Tensor, rng: np.random.Generator, *, augment: bool) -> FillBatch:
+    def _clouds(
+        self,
+        windows: Windows,
+        known: Tensor,
+        rng: np.random.Generator,
+        *,
+        augment: bool,
+        as_recorded: np.ndarray | None = None,
+    ) -> FillBatch:
         config = self.config
         sigma = (config.sigma_min_m, config.sigma_max_m)
-        cloud = draw_clouds(windows, config.points, sigma, rng, augment=augment, even=config.even)
+        cloud = draw_clouds(
+            windows, config.points, sigma, rng, augment=augment, even=config.even, as_recorded=as_recorded
+        )
         centre = known_centre(windows.heads, known)
         points = clouds_of(windows.heads, windows.rotations, cloud, centre)
         base = None

@@ -18,7 +18,7 @@ _KINDS = (0, 1, 1, 2, 2)  # of body groups: the spine, both arms, both legs
 _LEGS = 2
 
 
-def with_other_proportions(windows: Windows, most: float, rng: np.random.Generator) -> Windows:
+def with_other_proportions(windows: Windows, most: float | np.ndarray, rng: np.random.Generator) -> Windows:
     """Windows of bodies whose bones are up to `most` times as long or as short, drawn for each window.
 
     A bone's frame grows or shrinks as a whole: its tail, and where its children hang on it. The n-th bone of the left
@@ -26,14 +26,16 @@ def with_other_proportions(windows: Windows, most: float, rng: np.random.Generat
     world's origin on the floor, so that feet stand where they stood. Rotations stay.
 
     Args:
-        most: largest factor, 1 or more; its inverse is the smallest. Factors are drawn evenly in their logarithm.
+        most: largest factor, 1 or more, for all windows or (B,) for each; its inverse is the smallest. Factors are
+            drawn evenly in their logarithm.
         rng: each window's factors are drawn from its own generator (`rows_of`).
     """
     batch, bones = windows.groups.shape
     kinds = torch.tensor(_KINDS)[windows.groups]
     ranks = _ranks(windows)
     table = np.stack([row.uniform(-1, 1, (max(_KINDS) + 1, bones)) for row in rows_of(rng, batch)])
-    factors = torch.from_numpy(table)[torch.arange(batch).unsqueeze(1), kinds, ranks].mul(np.log(most)).exp().float()
+    reach = torch.from_numpy(np.log(np.broadcast_to(most, batch))).unsqueeze(1)
+    factors = torch.from_numpy(table)[torch.arange(batch).unsqueeze(1), kinds, ranks].mul(reach).exp().float()
 
     lengths = windows.tails.norm(dim=-1) * ((kinds == _LEGS) & (windows.weights > 0))
     legs = (lengths * factors).sum(1) / lengths.sum(1).clamp_min(1e-9)

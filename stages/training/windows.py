@@ -100,19 +100,28 @@ class WindowPool:
         return self._cache.kept_bytes
 
     def draw(
-        self, batch: int, window: int, rng: np.random.Generator, *, augment: bool, proportions: float = 1.0
+        self,
+        batch: int,
+        window: int,
+        rng: np.random.Generator,
+        *,
+        augment: bool,
+        proportions: float = 1.0,
+        as_recorded: np.ndarray | None = None,
     ) -> Windows:
         """Windows of up to `window` frames at random places, if `augment` with their playback speed varied and bones
-        up to `proportions` times as long or short; each is drawn from its own generator (`rows_of`)."""
+        up to `proportions` times as long or short, but for those that stay `as_recorded` (B,) bool; each is drawn
+        from its own generator (`rows_of`)."""
+        other = _other(augment, as_recorded, batch)
         chance = np.stack([row.random(3) for row in rows_of(rng, batch)])
         clips = np.minimum(np.searchsorted(self._chances, chance[:, 0], side="right"), len(self.lengths) - 1)
-        speed = _log_uniform(_SPEED, chance[:, 1]) if augment else np.ones(batch)
+        speed = np.where(other, _log_uniform(_SPEED, chance[:, 1]), 1.0)
         span = np.minimum((window - 1) * speed, self.lengths[clips] - 1)
         first = chance[:, 2] * (self.lengths[clips] - 1 - span)
-        if not augment:
-            first = np.floor(first)
-        windows = self._read(clips, first, speed, window)
-        return with_other_proportions(windows, proportions, rng) if augment and proportions > 1 else windows
+        windows = self._read(clips, np.where(other, first, np.floor(first)), speed, window)
+        if not (augment and proportions > 1):
+            return windows
+        return with_other_proportions(windows, np.where(other, proportions, 1.0), rng)
 
     def at(self, clips: np.ndarray, first: np.ndarray, window: int) -> Windows:
         """The windows of given clips (by index) from given first frames."""
@@ -193,10 +202,11 @@ def draw_clouds(
     *,
     augment: bool,
     even: bool = False,
+    as_recorded: np.ndarray | None = None,
 ) -> CloudMap:
     """Draw points and a placing for each window: yaw over the whole circle, up to half a metre on each axis, and
-    with `augment` mirror and size. `even`: points are spread evenly (`spread_points`). Each window's are drawn from
-    its own generator (`rows_of`)."""
+    with `augment` mirror and size (those `as_recorded`, (B,) bool, keep their size). `even`: points are spread evenly
+    (`spread_points`). Each window's are drawn from its own generator (`rows_of`)."""
     rows = rows_of(rng, len(windows.heads))
     if even:
         start = torch.tensor([row.random() for row in rows])
@@ -209,13 +219,18 @@ def draw_clouds(
     sigma = torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float()
     in_bone = points_in_bone(windows.tails, bones, alphas, offsets, sigma)
     groups = torch.gather(windows.groups, 1, bones)
-    size = _log_uniform(_SIZE, placing[:, 1]) if augment else np.ones(len(rows))
+    size = np.where(_other(augment, as_recorded, len(rows)), _log_uniform(_SIZE, placing[:, 1]), 1.0)
     flip = placing[:, 2] < 0.5 if augment else np.zeros(len(rows), bool)
     turn = torch.from_numpy(_turns(WHOLE_TURN * placing[:, 3], size, flip)).float()
     mirrored = torch.tensor(MIRRORED_GROUP)[groups]
     groups = torch.where(torch.from_numpy(flip).unsqueeze(1), mirrored, groups)
     shift = torch.from_numpy(placing[:, 4:] - 0.5).float().view(-1, 1, 1, 3)
     return CloudMap(bones, in_bone, groups, sigma, turn, shift)
+
+
+def _other(augment: bool, as_recorded: np.ndarray | None, batch: int) -> np.ndarray:
+    """(B,) bool: which windows get another speed, size and build than they were recorded with."""
+    return np.full(batch, augment) if as_recorded is None else augment & ~as_recorded
 
 
 def _log_uniform(limits: tuple[float, float], chance: np.ndarray) -> np.ndarray:

@@ -107,6 +107,23 @@ def test_mirroring_exchanges_left_and_right_and_keeps_distances(pool):
     )
 
 
+def test_windows_that_stay_as_recorded_keep_speed_size_and_bones_but_are_mirrored(pool):
+    kept = np.arange(40) % 2 == 0
+    windows = pool.draw(40, 8, step_random(0, 1, 3, range(40)), augment=True, proportions=1.15, as_recorded=kept)
+    plain = pool.draw(40, 8, step_random(0, 1, 3, range(40)), augment=False)
+    same = (windows.tails == plain.tails).flatten(1).all(1).numpy()
+    assert (same == kept).all()
+    paces = (windows.heads[:, :, 0] - windows.heads[:, :1, 0]).norm(dim=-1)
+    own = (plain.heads[:, :, 0] - plain.heads[:, :1, 0]).norm(dim=-1)
+    torch.testing.assert_close(windows.heads[kept], plain.heads[kept], atol=1e-5, rtol=0)
+    assert not torch.allclose(paces[~kept], own[~kept], atol=1e-4)
+    turn = draw_clouds(windows, 8, (0.05, 0.05), step_random(0, 1, 3, range(40)), augment=True, as_recorded=kept).turn
+    size = torch.linalg.det(turn)
+    torch.testing.assert_close(size.abs()[kept], torch.ones(int(kept.sum())))
+    assert (size[kept] < 0).any() and (size[kept] > 0).any()
+    assert (size.abs()[~kept] - 1).abs().median() > 0.05
+
+
 def test_redrawn_points_keep_their_groups(pool):
     rng = np.random.default_rng(2)
     windows = pool.draw(4, 4, rng, augment=False)
