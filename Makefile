@@ -74,7 +74,7 @@ SPACE := $(EMPTY) $(EMPTY)
 R := $(RUNS)/$(RUN)
 C := $(R)/config
 
-.PHONY: gallery first-picture weights-report weights-measured held-out held-out-measured unseen-rigs unseen-rigs-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
+.PHONY: pretrain-rounds gallery first-picture weights-report weights-measured held-out held-out-measured unseen-rigs unseen-rigs-measured pretrain pretrain-run pretrain-sampled pretrain-train pretrain-data pretrain-pack pretrain-measure pretrain-bundle help demo reproduce configure picked dag fill table2 table2-rows latent-report latents solve-report solve-measured solve-pages solve-played solve-page test lint bench bench-train bench-ingest retarget-report any-humanoid install install-dev clean-run pcmrl-table1 pcmrl-table2 pcmrl-table3 fuzz
 .SUFFIXES:
 
 help:
@@ -227,13 +227,14 @@ $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.jso
 #   SLICE        minutes until it stops with a checkpoint; 0: until all is done
 #   INITIAL      folder of weights to start from, when slices lie on machines that keep nothing
 #   AE           an autoencoder's checkpoint to take instead of training one
-#   AVERAGE      synthesisers' checkpoints to average with the one that is trained, such as the one it started from
+#   ROUNDS       so many trainings of the synthesiser, each from the mean of the last one's end and beginning; that mean
+#                ships. 0: one training, and its end
 #   CALIBRATE    further recordings whose validation clips say how far to trust the weights; two archives are few
 #   TRAIN_FLAGS  for both trainings: '--workers 8 --cache-mb 2000'
 SLICE       ?= 0
 INITIAL     ?=
 AE          ?=
-AVERAGE     ?=
+ROUNDS      ?= 0
 TRAIN_FLAGS ?=
 CALIBRATE   ?= $(if $(filter small-free,$(RECIPE)),stages/clips)
 TO          ?= $(R)/bundle
@@ -254,29 +255,41 @@ pretrain-data: configure
 pretrain-sampled: $(R)/sample-tpc/manifest.json
 	@:
 
-# $(1): ae or lms. $(2): further flags.
+# $(1): ae or lms. $(2): the folder. $(3): further flags. All may be words of the shell.
 define trained
-	@test -f $(R)/train-$(1)/manifest.json || { \
+test -f $(2)/manifest.json || { \
 	  left=$$(( $(UNTIL) - $$(date +%s) )); \
 	  if test $(SLICE) != 0 && test $$left -le 0; then echo 'The time is over; run make again to go on.' >&2; exit 1; fi; \
-	  $(PUMPS) train $(1) --config $(C)/train-$(1).toml --tpc $(R)/sample-tpc $(2) -o $(R)/train-$(1) $(TRAIN_FLAGS) \
-	    $(if $(INITIAL),--initial $(firstword $(wildcard $(INITIAL)/$(1) $(INITIAL)/train-$(1)))) \
+	  $(PUMPS) train $(1) --config $(C)/train-$(1).toml --tpc $(R)/sample-tpc -o $(2) $(3) $(TRAIN_FLAGS) \
 	    $(if $(filter-out 0,$(SLICE)),--max-time $$(awk "BEGIN { print $$left / 60 }")) && \
-	  { test -f $(R)/train-$(1)/manifest.json || { echo '$(R)/train-$(1): stopped before its end; run make again to go on.' >&2; exit 1; }; }; }
+	  { test -f $(2)/manifest.json || { echo "$(2): stopped before its end; run make again to go on." >&2; exit 1; }; }; }
 endef
+
+# A stage's part of INITIAL, as a flag: $(1) is ae or lms.
+begun_with = $(firstword $(wildcard $(INITIAL)/$(1) $(INITIAL)/train-$(1)))
+initially  = $(if $(INITIAL),--initial $(call begun_with,$(1)))
 
 pretrain-train:
 	@test -z '$(AE)' || test -d $(R)/train-ae || cp -R '$(AE)' $(R)/train-ae
-	$(call trained,ae,)
-	$(call trained,lms,--ae $(R)/train-ae)
+	@$(call trained,ae,$(R)/train-ae,$(call initially,ae))
+	@$(call trained,lms,$(R)/train-lms,--ae $(R)/train-ae $(call initially,lms))
+	@$(if $(filter-out 0,$(ROUNDS)),$(MAKE) --no-print-directory pretrain-rounds)
 	@$(MAKE) --no-print-directory pretrain-pack
 
+# Every further round begins with the mean of the last round's end and beginning, and draws other windows. What the
+# first began with is none where nothing was given: its end then is its mean.
+pretrain-rounds:
+	@begin='$(if $(INITIAL),$(call begun_with,lms))'; end=$(R)/train-lms; \
+	mean() { test -f "$$1/manifest.json" || $(PUMPS) average-checkpoints "$$end" $${begin:-"$$end"} -o "$$1"; }; \
+	for round in $$(seq 2 $(ROUNDS)); do \
+	  mean $(R)/round-$$round/begin || exit 1; \
+	  begin=$(R)/round-$$round/begin; end=$(R)/round-$$round/train-lms; \
+	  { $(call trained,lms,$$end,--ae $(R)/train-ae --initial $$begin --seed $$round); } || exit 1; \
+	done; \
+	mean $(R)/averaged/train-lms && { test -d $(R)/averaged/train-ae || cp -R $(R)/train-ae $(R)/averaged/; }
+
 pretrain-pack:
-ifneq (,$(AVERAGE))
-	@mkdir -p $(R)/averaged && cp -R $(R)/train-ae $(R)/averaged/
-	@$(PUMPS) average-checkpoints $(R)/train-lms $(AVERAGE) -o $(R)/averaged/train-lms
-endif
-	@$(PUMPS) pack-weights $(R)$(if $(AVERAGE),/averaged) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
+	@$(PUMPS) pack-weights $(R)$(if $(filter-out 0,$(ROUNDS)),/averaged) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
 
 # How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the
 # weights are good and bad at.

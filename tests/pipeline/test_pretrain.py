@@ -88,13 +88,13 @@ def test_slices_and_a_kill_end_in_packed_weights(place: Path) -> None:
     facts = facts_of(packed)
     assert facts["steps"] == {"autoencoder": 30, "synthesiser": 12} and facts["measured"] == []
 
-    # Further steps from there, averaged with what they started from.
+    # Further steps from there, twice, each time from the mean of the last end and beginning.
     for name in ("config", "sample-tpc"):
         shutil.copytree(run / name, away / "runs" / "longer" / name)
-    more = _make(away, "pretrain", RUN="longer", INITIAL=packed, AE=packed / "ae", AVERAGE=packed / "lms")
+    more = _make(away, "pretrain", RUN="longer", INITIAL=packed, AE=packed / "ae", ROUNDS=2)
     said = _said(more)
     assert more.returncode == 0 and "mean of 2 checkpoints" in said, said
-    assert facts_of(away / "runs" / "longer" / "packed" / "small")["steps"] == {"autoencoder": 30, "synthesiser": 24}
+    assert facts_of(away / "runs" / "longer" / "packed" / "small")["steps"] == {"autoencoder": 30, "synthesiser": 36}
 
     bundled = _make(away, "pretrain-bundle", TO=place / "bundle")
     assert bundled.wait(100) == 0 and (place / "bundle" / "small.tar.aa").stat().st_size < 15 * 2**20
