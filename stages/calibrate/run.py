@@ -14,7 +14,7 @@ from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion
 from stages.calibrate.config import Config
-from stages.calibrate.fit import Sums, careful_fit, gain
+from stages.calibrate.fit import Sums, gain, trust_fit
 from stages.config import StageReport
 from stages.inference.clouds import Scene
 from stages.inference.confidence import (
@@ -67,7 +67,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             )  # fmt: skip
             _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), solved, motion)
             progress.advance(1, row.clip)
-    trust = careful_fit(archives, config.prior_windows)
+    trust = trust_fit(archives, config.prior_windows)
     gains = {name: _gains(archives, shrunk, name, config) for name in archives}
     path = weights_folder(config.weights) / CONFIDENCE_NAME
     write_confidence(path, Confidence(trust), {"windows": len(plan), "gains": gains})
@@ -144,7 +144,7 @@ def _gains(archives: dict[str, Sums], shrunk: dict[str, Sums], name: str, config
     others = {other: sums for other, sums in archives.items() if other != name} or archives
     everything = np.ones(SHAPE)
     return {
-        "trusted": gain(archives[name], careful_fit(others, config.prior_windows)),
+        "trusted": gain(archives[name], trust_fit(others, config.prior_windows)),
         "as they are": gain(archives[name], everything),
         "fixed floors": gain(shrunk[name], everything),
     }

@@ -15,7 +15,7 @@ from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionWriter
 from stages.calibrate.config import Config
-from stages.calibrate.fit import Sums, careful_fit, fit, gain
+from stages.calibrate.fit import Sums, careful_fit, fit, gain, trust_fit
 from stages.calibrate.run import ANGLE_M, _change, _changes_by_part, run
 from stages.inference.clouds import Scene
 from stages.inference.confidence import (
@@ -112,6 +112,38 @@ def test_what_one_family_alone_says_is_not_believed() -> None:
     careful = careful_fit(archives, 1.0)[1, 2, 3]
     assert careful.max() < fit(list(archives.values()), 1.0)[1, 2, 3].min()
     assert gain(archives["b"], careful_fit(archives, 1.0)) > gain(archives["b"], fit(list(archives.values()), 1.0))
+
+
+def _families(*shares: float) -> dict[str, Sums]:
+    return {f"family {seed}": _sums(share, share, 0.3, seed, 40) for seed, share in enumerate(shares)}
+
+
+def test_care_is_for_weights_that_do_not_know_all_families_alike() -> None:
+    alike = _families(0.5, 0.9, 0.9, 1.0)
+    assert trust_fit(alike, 1.0)[1, 2, 3].min() > careful_fit(alike, 1.0)[1, 2, 3].max()
+    np.testing.assert_array_equal(trust_fit(alike, 1.0), fit(list(alike.values()), 1.0))
+    strangers = _families(-0.5, 0.0, 0.0, 1.0)
+    np.testing.assert_array_equal(trust_fit(strangers, 1.0), careful_fit(strangers, 1.0))
+    alone = _families(0.5)
+    np.testing.assert_array_equal(trust_fit(alone, 1.0), fit(list(alone.values()), 1.0))
+
+
+def test_the_gain_is_the_share_of_squares_that_trusted_corrections_are_right_about() -> None:
+    rng = np.random.default_rng(2)
+    sums, trust = Sums(), rng.random(SHAPE)
+    squares, whole = 0.0, 0.0
+    for _ in range(30):
+        made, length = rng.normal(size=(len(PARTS), 10, 12)), int(rng.integers(0, SHAPE[0]))
+        wanted = made.sum(0) + rng.normal(size=(10, 12))
+        sums.add(length, (0, 1, 2, 3), DEPTH, made, wanted)
+        shares = [
+            (1 - DEPTH) * trust[length, part, size, 0] + DEPTH * trust[length, part, size, 1]
+            for part, size in enumerate((0, 1, 2, 3))
+        ]
+        done = sum(share[:, None] * each for share, each in zip(shares, made, strict=True))
+        squares += float(((wanted - done) ** 2).sum())
+        whole += float((wanted**2).sum())
+    assert gain(sums, trust) == pytest.approx(1 - squares / whole)
 
 
 def _corrections(tokens: int, joints: int, size: float) -> Corrections:
