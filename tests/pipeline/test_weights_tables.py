@@ -50,5 +50,5 @@ def test_what_was_measured_stands_on_the_page(made: ModuleType, tmp_path: Path, 
     text, before = page.read_text("utf-8"), PAGE.read_text("utf-8")
     written = "".join(section[1] for section in SECTION.findall(text))
     assert written.count("| set-1 | small | 0.50") == 4, "shares of slerp's 0.5"
-    assert written.count("×0.50") == 2 and written.count("0.988") == 2
+    assert written.count("×0.50") == 5 and written.count("0.988") == 2
     assert SECTION.sub("", text) == SECTION.sub("", before), "nothing else is touched"
