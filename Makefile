@@ -66,7 +66,7 @@ SHARED_DATA ?= ../shared/data
 # The splits beside the data, where there are some.
 SPLITS ?= $(firstword $(wildcard $(addsuffix /splits.json,$(DATA)) $(addsuffix splits.json,$(dir $(DATA)))))
 
-SHIPPED := $(patsubst stages/weights/%/ae/manifest.json,%,$(wildcard stages/weights/*/ae/manifest.json))
+SHIPPED := $(patsubst stages/shared/weights/%/ae/manifest.json,%,$(wildcard stages/shared/weights/*/ae/manifest.json))
 
 EMPTY :=
 SPACE := $(EMPTY) $(EMPTY)
@@ -100,7 +100,7 @@ $(VENV)/installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 # ---- running ---------------------------------------------------------------------------------------------------
 
 demo: install
-	@$(MAKE) --no-print-directory fill RUN=demo PRESET=demo DATA=stages/clips COMPARE='$(filter small small-free,$(SHIPPED))'
+	@$(MAKE) --no-print-directory fill RUN=demo PRESET=demo DATA=stages/shared/clips COMPARE='$(filter small small-free,$(SHIPPED))'
 
 reproduce: install
 	@test -n '$(DATA)' || { echo "make reproduce needs DATA, for example DATA='recordings/ more.zip'" >&2; exit 2; }
@@ -121,13 +121,13 @@ configure:
 
 # ---- the stages ------------------------------------------------------------------------------------------------
 
-CLIPS  := $(basename $(notdir $(wildcard $(R)/pick-clips/*.bvh)))
+CLIPS  := $(basename $(notdir $(wildcard $(R)/data-pick/*.bvh)))
 FILLED := $(CLIPS:%=$(R)/infill/%.bvh)
 
-.PRECIOUS: $(R)/%/manifest.json $(R)/infill/%.bvh $(R)/pick-clips/%.bvh
+.PRECIOUS: $(R)/%/manifest.json $(R)/infill/%.bvh $(R)/data-pick/%.bvh
 
 # The recipes that do nothing keep make from saying that there was nothing to do.
-picked: $(R)/pick-clips/clips.txt
+picked: $(R)/data-pick/clips.txt
 	@:
 
 dag: $(R)/report/report.html $(R)/decode/manifest.json
@@ -150,23 +150,23 @@ $(R)/train-lms/manifest.json: $(C)/train-lms.toml $(R)/sample-tpc/manifest.json 
 	$(PUMPS) train lms --config $< --tpc $(R)/sample-tpc --ae $(R)/train-ae --latent $(R)/encode -o $(@D)
 	@test -f $@ || { echo '$(@D): training stopped before its end; run make again to go on.' >&2; exit 1; }
 
-$(R)/pick-clips/clips.txt: $(C)/pick-clips.toml $(R)/ingest/manifest.json
-	$(PUMPS) pick-clips --config $< --motion $(R)/ingest -o $(@D)
+$(R)/data-pick/clips.txt: $(C)/data-pick.toml $(R)/ingest/manifest.json
+	$(PUMPS) data pick --config $< --motion $(R)/ingest -o $(@D)
 
-$(FILLED): $(R)/infill/%.bvh: $(C)/infill.toml $(R)/pick-clips/clips.txt $(R)/train-ae/manifest.json $(R)/train-lms/manifest.json
+$(FILLED): $(R)/infill/%.bvh: $(C)/infill.toml $(R)/data-pick/clips.txt $(R)/train-ae/manifest.json $(R)/train-lms/manifest.json
 	@mkdir -p $(@D)
-	$(PUMPS) infill $(R)/pick-clips/$*.bvh --config $< --weights $(R) --overwrite -o $@
+	$(PUMPS) infill $(R)/data-pick/$*.bvh --config $< --weights $(R) --overwrite -o $@
 
 $(R)/decode/manifest.json: $(C)/decode.toml $(R)/ingest/manifest.json $(R)/train-ae/manifest.json $(R)/encode/manifest.json
 	$(PUMPS) decode --config $< --latent $(R)/encode --ae $(R)/train-ae --motion $(R)/ingest -o $(@D)
 
-$(R)/evaluate/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(R)/train-ae/manifest.json $(R)/train-lms/manifest.json $(foreach each,$(COMPARE),$(wildcard stages/weights/$(each)/*/manifest.json))
+$(R)/evaluate/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(R)/train-ae/manifest.json $(R)/train-lms/manifest.json $(foreach each,$(COMPARE),$(wildcard stages/shared/weights/$(each)/*/manifest.json))
 	$(PUMPS) evaluate --config $< --motion $(R)/ingest --weights pumps=$(R) $(addprefix --weights ,$(COMPARE)) -o $(@D)
 
 $(R)/report/report.html: $(C)/report.toml $(R)/evaluate/manifest.json $(R)/train-ae/manifest.json $(R)/train-lms/manifest.json $(FILLED)
 	@mkdir -p $(@D)
 	$(PUMPS) report --config $< --metrics $(R)/evaluate --checkpoints $(R)/train-ae --checkpoints $(R)/train-lms \
-	  $(foreach clip,$(CLIPS),--motions '$(clip)/truth=$(R)/pick-clips/$(clip).bvh' --motions '$(clip)/PUMPS=$(R)/infill/$(clip).bvh') -o $@
+	  $(foreach clip,$(CLIPS),--motions '$(clip)/truth=$(R)/data-pick/$(clip).bvh' --motions '$(clip)/PUMPS=$(R)/infill/$(clip).bvh') -o $@
 
 # ---- PUMPS Table 2 ---------------------------------------------------------------------------------------------
 
@@ -205,7 +205,7 @@ $(R)/measure-ae/manifest.json: $(TABLE2_ROWS:%=$(R)/rows/%/manifest.json)
 LATENT_WEIGHTS ?= tiny
 LATENT_DATA ?= $(foreach name,bandai-namco-1 bandai-namco-2 cmu-dance lafan1-g1,$(SHARED_DATA)/$(name).zip)
 # The embedded clips serve where there is nothing else; no weights saw them, so that all of them count as held out.
-LATENT_HAVE = $(or $(DATA),$(wildcard $(LATENT_DATA)),stages/clips)
+LATENT_HAVE = $(or $(DATA),$(wildcard $(LATENT_DATA)),stages/shared/clips)
 
 latent-report: install
 	@$(MAKE) --no-print-directory latents RUN='$(call unless_given,RUN,latents)' DATA='$(LATENT_HAVE)' \
@@ -217,7 +217,7 @@ latents: configure
 
 $(R)/latents-$(notdir $(LATENT_WEIGHTS))/manifest.json: $(R)/ingest/manifest.json
 	$(PUMPS) measure latents --motion $(R)/ingest --weights $(LATENT_WEIGHTS) -o $(@D) \
-	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
+	  $(if $(filter stages/shared/clips,$(DATA)),--splits train --splits val --splits test)
 
 # ---- weights that ship -----------------------------------------------------------------------------------------
 
@@ -236,7 +236,7 @@ INITIAL     ?=
 AE          ?=
 ROUNDS      ?= 0
 TRAIN_FLAGS ?=
-CALIBRATE   ?= $(if $(filter small-free,$(RECIPE)),stages/clips)
+CALIBRATE   ?= $(if $(filter small-free,$(RECIPE)),stages/shared/clips)
 TO          ?= $(R)/bundle
 
 
@@ -280,7 +280,7 @@ pretrain-train:
 # first began with is none where nothing was given: its end then is its mean.
 pretrain-rounds:
 	@begin='$(if $(INITIAL),$(call begun_with,lms))'; end=$(R)/train-lms; \
-	mean() { test -f "$$1/manifest.json" || $(PUMPS) average-checkpoints "$$end" $${begin:-"$$end"} -o "$$1"; }; \
+	mean() { test -f "$$1/manifest.json" || $(PUMPS) weights average "$$end" $${begin:-"$$end"} -o "$$1"; }; \
 	for round in $$(seq 2 $(ROUNDS)); do \
 	  mean $(R)/round-$$round/begin || exit 1; \
 	  begin=$(R)/round-$$round/begin; end=$(R)/round-$$round/train-lms; \
@@ -289,18 +289,18 @@ pretrain-rounds:
 	mean $(R)/averaged/train-lms && { test -d $(R)/averaged/train-ae || cp -R $(R)/train-ae $(R)/averaged/; }
 
 pretrain-pack:
-	@$(PUMPS) pack-weights $(R)$(if $(filter-out 0,$(ROUNDS)),/averaged) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
+	@$(PUMPS) weights pack $(R)$(if $(filter-out 0,$(ROUNDS)),/averaged) --name $(RECIPE) -o $(R)/packed/$(RECIPE)
 
 # How far to trust them, by validation clips; then test clips of the run's own archives. The card then says what the
 # weights are good and bad at.
 pretrain-measure:
 	@test -z '$(CALIBRATE)' || test -f $(R)/calibrate/manifest.json || $(PUMPS) ingest auto $(CALIBRATE) -o $(R)/calibrate
-	@test -f $(R)/packed/$(RECIPE)/confidence.json || $(PUMPS) calibrate $(R)/packed/$(RECIPE) --motion $(R)/ingest \
+	@test -f $(R)/packed/$(RECIPE)/confidence.json || $(PUMPS) weights calibrate $(R)/packed/$(RECIPE) --motion $(R)/ingest \
 	  $(if $(CALIBRATE),--motion $(R)/calibrate)
 	@test -f $(R)/evaluate/manifest.json || \
 	  $(PUMPS) evaluate --config $(C)/evaluate.toml --motion $(R)/ingest --weights pumps=$(R)/packed/$(RECIPE) -o $(R)/evaluate
 	@$(PUMPS) results $(R)/evaluate
-	@$(PUMPS) pack-weights $(R)/packed/$(RECIPE) --name $(RECIPE) --measured $(R)/evaluate -o $(R)/measured/$(RECIPE)
+	@$(PUMPS) weights pack $(R)/packed/$(RECIPE) --name $(RECIPE) --measured $(R)/evaluate -o $(R)/measured/$(RECIPE)
 
 # A few files under 16 MiB; `cat FOLDER/small.tar.* | tar x` gives the folder of weights back.
 pretrain-bundle:
@@ -318,20 +318,20 @@ HELD_OUT_AT := evaluate-$(subst $(SPACE),-,$(notdir $(HELD_OUT_WEIGHTS)))-$(HELD
 
 held-out: install
 	@$(MAKE) --no-print-directory held-out-measured RUN='$(call unless_given,RUN,held-out)' \
-	  DATA='$(or $(DATA),$(wildcard $(HELD_OUT_DATA)) stages/clips)' \
+	  DATA='$(or $(DATA),$(wildcard $(HELD_OUT_DATA)) stages/shared/clips)' \
 	  FPS_OVERRIDE='$(or $(FPS_OVERRIDE),$(if $(DATA),,*salsa*=60))'
 
 held-out-measured: configure
 	@$(MAKE) --no-print-directory $(R)/$(HELD_OUT_AT)/manifest.json
 	@$(PUMPS) results $(R)/$(HELD_OUT_AT)
 
-$(R)/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/weights/$(each)/*/manifest.json))
+$(R)/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/ingest/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/shared/weights/$(each)/*/manifest.json))
 	$(PUMPS) evaluate --config $< --motion $(R)/ingest --unseen --tasks interpolation --tasks transition \
 	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
 
 # The same archives' test clips, put on rigs that the weights never saw: how well they cross skeletons, told apart from
 # kinds of motion that they do not know. RIGS are the recordings that lend their rigs.
-RIGS ?= stages/clips
+RIGS ?= stages/shared/clips
 
 unseen-rigs: install
 	@$(MAKE) --no-print-directory unseen-rigs-measured RUN='$(call unless_given,RUN,unseen-rigs)' \
@@ -346,9 +346,9 @@ $(R)/rigs/manifest.json:
 	$(PUMPS) ingest auto $(RIGS) -o $(@D)
 
 $(R)/on-rigs/clips/manifest.json: $(R)/ingest/manifest.json $(R)/rigs/manifest.json
-	$(PUMPS) retarget-clips --motion $(R)/ingest --rigs $(R)/rigs -o $(@D)
+	$(PUMPS) data rerig --motion $(R)/ingest --rigs $(R)/rigs -o $(@D)
 
-$(R)/on-rigs/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/on-rigs/clips/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/weights/$(each)/*/manifest.json))
+$(R)/on-rigs/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/on-rigs/clips/manifest.json $(foreach each,$(HELD_OUT_WEIGHTS),$(wildcard stages/shared/weights/$(each)/*/manifest.json))
 	$(PUMPS) evaluate --config $< --motion $(R)/on-rigs/clips --tasks interpolation --tasks transition \
 	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
 
@@ -358,7 +358,7 @@ WEIGHTS_MEASURED := own-small own-small-free parts-small loose-small unseen-smal
 
 weights-report: install-dev
 	@$(MAKE) --no-print-directory weights-measured RUN='$(call unless_given,RUN,weights)' PRESET=laptop \
-	  DATA='$(HELD_OUT_DATA) stages/clips' SPLITS='$(wildcard $(SHARED_DATA)/splits.json)' FPS_OVERRIDE='*salsa*=60'
+	  DATA='$(HELD_OUT_DATA) stages/shared/clips' SPLITS='$(wildcard $(SHARED_DATA)/splits.json)' FPS_OVERRIDE='*salsa*=60'
 	$(VENV)/bin/python benchmarks/weights_tables.py '$(RUNS)/$(call unless_given,RUN,weights)' --page docs/results.md
 
 weights-measured: configure
@@ -366,24 +366,24 @@ weights-measured: configure
 
 weights_measured = $(PUMPS) evaluate --config $(C)/evaluate.toml --weights $(1) -o $(@D)
 
-$(R)/own-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+$(R)/own-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
 	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))'
 
-$(R)/own-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small-free/*/manifest.json)
+$(R)/own-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small-free/*/manifest.json)
 	$(call weights_measured,small-free) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small-free))'
 
-$(R)/parts-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+$(R)/parts-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
 	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
 	  --breakdown --tasks interpolation --max-windows 8
 
-$(R)/loose-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+$(R)/loose-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
 	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
 	  --no-foot-lock --tasks interpolation --intervals 15 --intervals 30 --max-windows 12
 
-$(R)/unseen-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/weights/small-free/*/manifest.json)
+$(R)/unseen-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small-free/*/manifest.json)
 	$(call weights_measured,small-free) --motion $(R)/ingest --unseen --tasks interpolation --tasks transition --max-windows 20
 
-$(R)/on-rigs/small/manifest.json: $(R)/on-rigs/clips/manifest.json $(wildcard stages/weights/small/*/manifest.json)
+$(R)/on-rigs/small/manifest.json: $(R)/on-rigs/clips/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
 	$(call weights_measured,small) --motion $(R)/on-rigs/clips --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
 	  --tasks interpolation --tasks transition --max-windows 20
 
@@ -400,9 +400,9 @@ gallery: install
 # The two commands of the README's first example.
 first-picture: install
 	@mkdir -p '$(RUNS)/gallery'
-	$(PUMPS) infill stages/clips/$(FIRST_CLIP).bvh --keyframes every:15 -o '$(RUNS)/gallery/filled.bvh' --overwrite \
+	$(PUMPS) infill stages/shared/clips/$(FIRST_CLIP).bvh --keyframes every:15 -o '$(RUNS)/gallery/filled.bvh' --overwrite \
 	  $(if $(GALLERY_WEIGHTS),--weights '$(GALLERY_WEIGHTS)')
-	$(PUMPS) report --motions truth=stages/clips/$(FIRST_CLIP).bvh --motions 'pumps=$(RUNS)/gallery/filled.bvh' \
+	$(PUMPS) report --motions truth=stages/shared/clips/$(FIRST_CLIP).bvh --motions 'pumps=$(RUNS)/gallery/filled.bvh' \
 	  --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --picture docs/pictures/first-fill.svg
 
 # ---- any cloud to any skeleton ---------------------------------------------------------------------------------
@@ -443,12 +443,12 @@ $(R)/solve-settings.txt: always
 $(R)/solve-few/manifest.json: $(R)/ingest/manifest.json $(R)/solve-settings.txt
 	$(PUMPS) measure solve --motion $(R)/ingest --conditions true --intervals 30 --clips 2 --made $(R)/solve-made \
 	  $(foreach each,$(SOLVE_NETWORKS),--networks '$(each)') -o $(@D) \
-	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
+	  $(if $(filter stages/shared/clips,$(DATA)),--splits train --splits val --splits test)
 
 $(R)/measure-solve/manifest.json: $(R)/ingest/manifest.json $(R)/solve-settings.txt
 	$(PUMPS) measure solve --motion $(R)/ingest --clips $(SOLVE_CLIPS) -o $(@D) \
 	  $(foreach each,$(SOLVE_NETWORKS),--networks '$(each)') \
-	  $(if $(filter stages/clips,$(DATA)),--splits train --splits val --splits test)
+	  $(if $(filter stages/shared/clips,$(DATA)),--splits train --splits val --splits test)
 
 # ---- PC-MRL's tables -------------------------------------------------------------------------------------------
 
@@ -544,7 +544,7 @@ test: lint
 # How much more than the tests give: each of them is 2,000 damaged files for every format, 500 for every archive.
 TIMES ?= 20
 fuzz: install-dev
-	PUMPS_FUZZ=$(TIMES) OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 -q tests/formats/test_fuzz_readers.py
+	PUMPS_FUZZ=$(TIMES) OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 -q tests/shared/formats/test_fuzz_readers.py
 
 bench: install-dev
 	@for script in $(filter-out benchmarks/training_step.py benchmarks/gallery.py,$(wildcard benchmarks/*.py)); do \
@@ -573,7 +573,7 @@ retarget-report: install-dev
 	  'Bandai Namco=$(SHARED_DATA)/bandai-namco-1.zip!bandai-namco-1/dataset-1_kick_normal_001.bvh' \
 	  'CMU dance=$(SHARED_DATA)/cmu-dance.zip!cmu-dance/indian/08.bvh' \
 	  'LaFAN1 G1=$(SHARED_DATA)/lafan1-g1.zip!lafan1-g1/fight1_subject2.bvh' \
-	  'embedded=stages/clips/run.bvh') --page docs/results.md
+	  'embedded=stages/shared/clips/run.bvh') --page docs/results.md
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(if $(AUTHORS),--authors '$(AUTHORS)') \

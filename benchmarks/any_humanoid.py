@@ -21,16 +21,16 @@ from measuring.section import replace_section
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import rig_and_poses
-from stages.formats.figure import Poses, Rig, body_of, motion_of_poses, places_of
-from stages.formats.sources import find_sources
-from stages.kinematics.anatomy import parts_of_skeleton
-from stages.kinematics.facing import SIGNS, BodyPoses, bone_tips, find_facing
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import rig_and_poses
+from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses, places_of
+from stages.shared.formats.sources import find_sources
+from stages.shared.humanoid.anatomy import parts_of_skeleton
+from stages.shared.humanoid.facing import SIGNS, BodyPoses, bone_tips, find_facing
 
 sys.path.append(str(Path(__file__).parents[1]))  # for the rigs and changes of the tests
-from tests.kinematics.rig_changes import changed
-from tests.kinematics.written_rigs import WRITTEN, written_rig
+from tests.shared.humanoid.rig_changes import changed
+from tests.shared.humanoid.written_rigs import WRITTEN, written_rig
 
 SECTION = "any-humanoid"
 CHANGES = ("names", "lengths", "order", "world", "axes", "all", "one frame")
@@ -46,7 +46,7 @@ def rigs(archives: list[str], most: int) -> Iterator[tuple[str, Rig, Poses]]:
     for name in WRITTEN:
         written = written_rig(name)
         yield "written down", written.rig, written.poses
-    clips = Path(__file__).parents[1] / "stages" / "clips"
+    clips = Path(__file__).parents[1] / "stages" / "shared" / "clips"
     for archive in (str(clips), *archives):
         found = find_sources([archive])
         for source in [found[i] for i in np.unique(np.linspace(0, len(found) - 1, most).astype(int))]:

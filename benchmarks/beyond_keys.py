@@ -16,10 +16,10 @@ import numpy as np
 import torch
 
 from data_schemas.tpc import TpcReader
-from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.plain_interpolation import Glide
-from stages.kinematics.window_interpolation import interpolate_windows
-from stages.training.windows import WindowPool
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.plain_interpolation import Glide
+from stages.shared.kinematics.window_interpolation import interpolate_windows
+from stages.shared.training.windows import WindowPool
 
 KNOWN, FRAMES, ENOUGH = 60, 90, 60
 SAME = [(s, s) for s in (0.1, 0.2, 0.3, 0.5)]

@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from data_schemas.tpc import TpcReader
-from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.plain_interpolation import DAMPING, Damping
-from stages.kinematics.window_interpolation import interpolate_windows
-from stages.training.windows import WindowPool, Windows
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.plain_interpolation import DAMPING, Damping
+from stages.shared.kinematics.window_interpolation import interpolate_windows
+from stages.shared.training.windows import WindowPool, Windows
 
 WINDOWS, EDGE = 240, 15
 EVERY, MISSING = (5, 15, 30), (15, 30, 60)

@@ -19,27 +19,27 @@ from pathlib import Path
 import numpy as np
 import torch
 
-import stages.clips
+import stages.shared.clips
 from data_schemas.errors import InputError, PumpsError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.bvh_of_motion import bvh_of_motion
-from stages.formats.figure import Poses, Rig
-from stages.formats.readers import read_recordings, recognise
-from stages.formats.recording import Asked, recording_of
-from stages.formats.sources import source_named
 from stages.infill import config as infill_config
 from stages.infill import run as infill_run
 from stages.ingest.licences import licence_of
-from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.forward import local_rotations
-from stages.kinematics.resampling import resample
-from stages.kinematics.rig_changes import RIGS, Rigged
 from stages.report import config as report_config
 from stages.report import run as report_run
-from stages.shipped import default_weights
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.bvh_of_motion import bvh_of_motion
+from stages.shared.formats.figure import Poses, Rig
+from stages.shared.formats.readers import read_recordings, recognise
+from stages.shared.formats.recording import Asked, recording_of
+from stages.shared.formats.sources import source_named
+from stages.shared.humanoid.rig_changes import RIGS, Rigged
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.forward import local_rotations
+from stages.shared.kinematics.resampling import resample
+from stages.shared.weights.shipped import default_weights
 
 FRAMES = 121
 CHANGED = "all-of-these"  # of `RIGS`
@@ -146,7 +146,7 @@ def gallery(
 def _licences(clips: tuple[Shown, ...]) -> tuple[str, ...]:
     """Those of the archives, and of the embedded clips."""
     found = {licence_of(each.place.partition("!")[0], None) for each in clips if "!" in each.place}
-    told = json.loads((Path(stages.clips.__file__).parent / "splits.json").read_text(encoding="utf-8"))
+    told = json.loads((Path(stages.shared.clips.__file__).parent / "splits.json").read_text(encoding="utf-8"))
     return (*sorted(found), told["clips"]["licence"])
 
 
@@ -158,7 +158,7 @@ def _pictured(clips: tuple[Shown, ...]) -> list[Shown]:
 def four_seconds(shown: Shown, archives: Path) -> tuple[Skeleton, Motion]:
     """The middle of a clip at 30 frames a second, on its own rig or on the one that nobody has."""
     if "!" not in shown.place:
-        path = Path(stages.clips.__file__).parent / f"{shown.place}.bvh"
+        path = Path(stages.shared.clips.__file__).parent / f"{shown.place}.bvh"
         skeleton, motion = motion_of(read_bvh(path.read_bytes(), path.name))[:2]
     else:
         source = source_named(str(archives / shown.place))

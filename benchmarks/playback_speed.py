@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.motion import MotionReader
-from stages.kinematics.forward import positions_of
-from stages.kinematics.playback_speed import LONGEST_S, SUSPECT, design, speed_figures
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.playback_speed import LONGEST_S, SUSPECT, design, speed_figures
 
 SPEEDS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 MOST_OF_AN_ARCHIVE = 500

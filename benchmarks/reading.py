@@ -27,12 +27,12 @@ from measuring.section import replace_section
 
 from data_schemas.errors import PumpsError
 from data_schemas.motion import MotionReader
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of, places_of
-from stages.formats.sources import Source, find_sources
 from stages.ingest.config import Config
 from stages.ingest.run import run
-from stages.kinematics.motion_quality import measure_quality
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of, places_of
+from stages.shared.formats.sources import Source, find_sources
+from stages.shared.humanoid.motion_quality import measure_quality
 
 SAMPLE_BYTES = 40e6
 COMPARED_BYTES = 5e6  # of text, for libraries that take long
@@ -203,7 +203,7 @@ def embedded(folder: Path) -> str:
     """An archive of the embedded clips, each 40 times."""
     path = folder / "clips.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for clip in sorted((Path(__file__).parents[1] / "stages" / "clips").glob("*.bvh")):
+        for clip in sorted((Path(__file__).parents[1] / "stages" / "shared" / "clips").glob("*.bvh")):
             for copy in range(40):
                 archive.write(clip, f"{clip.stem}-{copy}.bvh")
     return str(path)

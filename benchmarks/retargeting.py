@@ -20,16 +20,16 @@ import numpy as np
 from measuring.section import replace_section
 from scipy.spatial.transform import Rotation
 
-import stages.clips
+import stages.shared.clips
 from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.sources import source_named
-from stages.inference.retarget_clouds import pull_to_places
-from stages.kinematics.bone_matching import LIMBS, bone_lengths, bones_of, match_limb
-from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
-from stages.kinematics.forward import positions_of
-from stages.kinematics.retargeting import Retargeted, retarget
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.sources import source_named
+from stages.shared.humanoid.bone_matching import LIMBS, bone_lengths, bones_of, match_limb
+from stages.shared.humanoid.retargeting import Retargeted, retarget
+from stages.shared.inference.retarget_clouds import pull_to_places
+from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
+from stages.shared.kinematics.forward import positions_of
 
 SECTION = "retargeting"
 MOST_FRAMES = 1200
@@ -54,7 +54,7 @@ def figures_of(named: Sequence[str]) -> dict[str, Figure]:
 
 
 def _embedded() -> dict[str, Figure]:
-    folder = Path(stages.clips.__file__).parent
+    folder = Path(stages.shared.clips.__file__).parent
     walk, dance = (motion_of(read_bvh((folder / f"{n}.bvh").read_bytes(), n))[:2] for n in ("walk", "dance_a"))
     skeleton = dance[0]
     offsets, tails = skeleton.offsets.copy(), skeleton.tails.copy()

@@ -36,11 +36,11 @@ from measuring.machine import cpu_and_wall_s, limits, name_of, resident_mb, seco
 from measuring.page import report, write_page
 from measuring.steps import Load, autoencoder_step, encoder_forward, synthesiser_step
 
-from stages.networks.device import choose_device
-from stages.networks.sizes import DecoderSizes, EncoderSizes
 from stages.registry import stage_named
-from stages.settings.layers import Layer, settle
-from stages.settings.presets import preset_layers
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes
+from stages.shared.settings.layers import Layer, settle
+from stages.shared.settings.presets import preset_layers
 
 # The authors' code at 2 x 128 frames x 256 points on two CPU cores, seconds, by layers of the decoder; and its
 # encoder on 256 frames, each point attending to itself alone.

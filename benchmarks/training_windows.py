@@ -23,20 +23,20 @@ from pathlib import Path
 import numpy as np
 import torch
 
-import stages.clips
+import stages.shared.clips
 from data_schemas.tpc import TpcReader
 from stages.ingest import config as ingest_config
 from stages.ingest import run as ingest
 from stages.registry import stage_named
 from stages.sample_tpc import config as sample_config
 from stages.sample_tpc import run as sample_tpc
-from stages.settings.layers import Layer, settle
-from stages.settings.presets import preset_layers
-from stages.train_ae.task import AutoencoderTask
-from stages.training.batches import drawn_ahead
-from stages.training.config import TrainingConfig
-from stages.training.stage import window_pools
-from stages.training.windows import WindowPool
+from stages.shared.settings.layers import Layer, settle
+from stages.shared.settings.presets import preset_layers
+from stages.shared.training.batches import drawn_ahead
+from stages.shared.training.config import TrainingConfig
+from stages.shared.training.stage import window_pools
+from stages.shared.training.windows import WindowPool
+from stages.train.ae.task import AutoencoderTask
 
 _BATCHES = 40
 
@@ -83,7 +83,7 @@ def main() -> None:
 
 def carried_clips(folder: Path) -> Path:
     """A tpc artefact of the clips that the package carries."""
-    sources = (str(Path(stages.clips.__file__).parent),)
+    sources = (str(Path(stages.shared.clips.__file__).parent),)
     ingest.run(ingest_config.Config(sources=sources, output=folder / "motion", workers=1))
     sample_tpc.run(sample_config.Config(motion=folder / "motion", output=folder / "tpc"))
     return folder / "tpc"

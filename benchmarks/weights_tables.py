@@ -15,8 +15,8 @@ from measuring.section import replace_section
 
 from data_schemas.manifest import open_artefact
 from data_schemas.metrics import read_metrics
-from stages.statistics.feel_tables import feel_lines
-from stages.statistics.tables import Cell, Key, cells, overview, terminal_lines
+from stages.shared.statistics.feel_tables import feel_lines
+from stages.shared.statistics.tables import Cell, Key, cells, overview, terminal_lines
 
 Found = dict[Key, Cell]
 

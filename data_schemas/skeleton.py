@@ -1,6 +1,6 @@
 """The plain records that every floor shares: a skeleton, and a motion of it.
 
-Conventions (said once in `stages.kinematics.conventions`): right-handed, Y up, metres, seconds, radians;
+Conventions (said once in `stages.shared.kinematics.conventions`): right-handed, Y up, metres, seconds, radians;
 quaternions xyzw; J joints, T frames.
 """
 

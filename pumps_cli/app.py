@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from data_schemas.version import PUMPS_VERSION
-from stages.registry import GROUP_SUMMARIES, STAGES, Stage
+from stages.registry import GROUP_SUMMARIES, OLD_NAMES, OLD_WORDS, STAGES, Stage, stage_named
 
 _ABOUT = "Fill in human motion on any skeleton: BVH in, infilled BVH out."
 _EXAMPLE = "Example: pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh"
@@ -29,10 +29,22 @@ _TOOLS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `pumps` with these arguments (default: the shell's). Leaves by SystemExit with the exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    given = _today(given)
     wanted = next((word for word in given if not word.startswith("-")), None)
     everything = "_PUMPS_COMPLETE" in os.environ  # the shell asks for completions
     _let_waiting_threads_sleep()
     build_app(wanted, everything=everything)(args=given, prog_name="pumps")
+
+
+def _today(given: list[str]) -> list[str]:
+    """The arguments with a command's old word replaced by those of today, which is told on stderr."""
+    at = next((place for place, word in enumerate(given) if not word.startswith("-")), None)
+    if at is None or given[at] not in OLD_WORDS:
+        return given
+    words = stage_named(OLD_NAMES[given[at]]).command
+    new = " ".join(words)
+    print(f"`pumps {given[at]}` is now `pumps {new}`; the old word goes in the next version.", file=sys.stderr)
+    return [*given[:at], *words, *given[at + 1 :]]
 
 
 def _let_waiting_threads_sleep() -> None:

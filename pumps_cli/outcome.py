@@ -16,7 +16,7 @@ import typer
 from data_schemas.errors import PumpsError
 
 if TYPE_CHECKING:
-    from stages.config import StageReport
+    from stages.shared.contract import StageReport
 
 COULD_NOT = 1
 # What a line is about -> how a terminal shows it: left green and blue, right red and yellow, as sailors have it.

@@ -14,10 +14,10 @@ import typer
 from pumps_cli.flags import listed_on_standard_input, parameters_of, values_given
 from pumps_cli.outcome import Manner, show_report, told
 from pumps_cli.progress import TerminalProgress
-from stages.config import StageConfig
 from stages.registry import Stage
-from stages.settings.layers import COMMAND_LINE, Layer, settle
-from stages.settings.presets import file_layer, preset_layers
+from stages.shared.contract import StageConfig
+from stages.shared.settings.layers import COMMAND_LINE, Layer, settle
+from stages.shared.settings.presets import file_layer, preset_layers
 
 _PANEL = "Every command"
 

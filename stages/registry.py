@@ -11,16 +11,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stages.config import StageConfig, StageReport
+    from stages.shared.contract import StageConfig, StageReport
 
 
 @dataclass(frozen=True)
 class Stage:
     """One stage of the pipeline, or a tool beside it.
 
-    name:      its table in a preset, its config file and its folder in a run ("train-ae").
-    command:   the words after `pumps` ("train", "ae").
-    package:   the package that holds `config.Config` and `run.run`.
+    command:   the words after `pumps` ("train", "ae"). `auto` at their end means the stage itself, beside its forms.
     summary:   one sentence for help and tables.
     reads:     kinds of artefacts or files that it reads.
     writes:    kind of artefact or file that it writes; "" for a tool that only tells.
@@ -33,9 +31,7 @@ class Stage:
     without:   settings that mean nothing to it, which are then no flags.
     """
 
-    name: str
     command: tuple[str, ...]
-    package: str
     summary: str
     reads: tuple[str, ...]
     writes: str
@@ -46,6 +42,17 @@ class Stage:
     form_of: str = ""
     fixed: tuple[tuple[str, str], ...] = ()
     without: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Its table in a preset, its config file and its folder in a run: the words typed ("train-ae")."""
+        return "-".join(word for word in self.command if word != "auto")
+
+    @property
+    def package(self) -> str:
+        """The package that holds `config.Config` and `run.run`: the words typed again ("stages.train.ae")."""
+        words = stage_named(self.form_of).command if self.form_of else self.command
+        return ".".join(("stages", *(word.replace("-", "_") for word in words if word != "auto")))
 
     def config_type(self) -> type[StageConfig]:
         """The stage's Config. Loads no torch."""
@@ -59,7 +66,7 @@ class Stage:
 def _ingest(name: str, reads: str, summary: str, example: str, *flags: str) -> Stage:
     """`pumps ingest NAME`: ingest with its format fixed. `flags` are those that only some formats have."""
     return Stage(
-        f"ingest-{name}", ("ingest", name), "stages.ingest", summary, (reads,), "motion", example,
+        ("ingest", name), summary, (reads,), "motion", example,
         arguments=("sources",), pipeline=False, form_of="ingest", fixed=(("format", name),),
         without=tuple(flag for flag in ("skeleton", "body_models") if flag not in flags),
     )  # fmt: skip
@@ -67,7 +74,7 @@ def _ingest(name: str, reads: str, summary: str, example: str, *flags: str) -> S
 
 STAGES: tuple[Stage, ...] = (
     Stage(
-        "ingest", ("ingest", "auto"), "stages.ingest",
+        ("ingest", "auto"),
         "Read recordings of any format (files, folders, globs, archives) into one motion artefact.",
         ("any format",), "motion", "pumps ingest auto recordings/ more.zip -o runs/mine/ingest",
         arguments=("sources",),
@@ -97,184 +104,184 @@ STAGES: tuple[Stage, ...] = (
         "pumps ingest gltf recordings/ -o runs/mine/ingest",
     ),
     Stage(
-        "sample-tpc", ("sample-tpc",), "stages.sample_tpc",
+        ("sample-tpc",),
         "Scatter points around the bones: motion to temporal point clouds.",
         ("motion",), "tpc", "pumps sample-tpc --motion runs/mine/ingest -o runs/mine/sample-tpc",
         needs=("ingest",),
     ),
     Stage(
-        "train-ae", ("train", "ae"), "stages.train_ae",
+        ("train", "ae"),
         "Train the autoencoder of clouds.",
         ("tpc",), "checkpoint",
         "pumps train ae --preset tiny --tpc runs/mine/sample-tpc -o runs/mine/train-ae",
         needs=("sample-tpc",),
     ),
     Stage(
-        "encode", ("encode",), "stages.encode",
+        ("encode",),
         "Turn every frame's cloud into a latent vector.",
         ("tpc", "checkpoint"), "latent",
         "pumps encode --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/encode",
         needs=("sample-tpc", "train-ae"),
     ),
     Stage(
-        "train-lms", ("train", "lms"), "stages.train_lms",
+        ("train", "lms"),
         "Train the latent motion synthesiser, which fills in missing frames.",
         ("tpc", "checkpoint", "latent"), "checkpoint",
         "pumps train lms --preset tiny --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/train-lms",
         needs=("sample-tpc", "train-ae", "encode"),
     ),
     Stage(
-        "train-skeleton", ("train", "skeleton"), "stages.train_skeleton",
+        ("train", "skeleton"),
         "Train a network from clouds of any skeletons to the motion of one rig.",
         ("BVH", "tpc"), "checkpoint",
         "pumps train skeleton --preset tiny --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/rig",
         pipeline=False,
     ),
     Stage(
-        "pick-clips", ("pick-clips",), "stages.pick_clips",
+        ("data", "pick"),
         "Copy a few test clips out of the sources as BVH files, to be filled.",
-        ("motion",), "BVH", "pumps pick-clips --motion runs/mine/ingest -o runs/mine/pick-clips",
+        ("motion",), "BVH", "pumps data pick --motion runs/mine/ingest -o runs/mine/data-pick",
         needs=("ingest",),
     ),
     Stage(
-        "infill", ("infill",), "stages.infill",
+        ("infill",),
         "Fill a BVH between its keyframes, on its own skeleton.",
         ("BVH", "checkpoint"), "BVH", "pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh",
-        arguments=("input",), needs=("pick-clips", "train-ae", "train-lms"),
+        arguments=("input",), needs=("data-pick", "train-ae", "train-lms"),
     ),
     Stage(
-        "decode", ("decode",), "stages.decode",
+        ("decode",),
         "Turn latents back into clouds, and latents or clouds into skeletal motion.",
         ("latent", "tpc", "checkpoint", "motion"), "tpc or motion",
         "pumps decode --latent runs/mine/encode --ae runs/mine/train-ae -o runs/mine/decode",
         needs=("ingest", "train-ae", "encode"),
     ),
     Stage(
-        "evaluate", ("evaluate",), "stages.evaluate",
+        ("evaluate",),
         "Measure filling on the test clips, beside LERP and SLERP.",
         ("motion", "checkpoint"), "metrics",
         "pumps evaluate --motion runs/mine/ingest --weights tiny -o runs/mine/evaluate",
         needs=("ingest", "train-ae", "train-lms"),
     ),
     Stage(
-        "report", ("report",), "stages.report",
+        ("report",),
         "Write one HTML page that opens offline: results, loss curves, motions side by side.",
         ("metrics", "checkpoint", "motion", "BVH"), "HTML",
         "pumps report --metrics runs/mine/evaluate --checkpoints runs/mine/train-ae -o report.html",
         needs=("train-ae", "train-lms", "infill", "evaluate"),
     ),
     Stage(
-        "retarget", ("retarget",), "stages.retarget",
+        ("retarget",),
         "Give a motion to another rig, whatever its names and proportions.",
         ("BVH", "checkpoint"), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
         arguments=("input",), pipeline=False,
     ),
     Stage(
-        "retarget-clips", ("retarget-clips",), "stages.retarget_clips",
+        ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons never seen.",
         ("motion",), "motion",
-        "pumps retarget-clips --motion runs/mine/ingest --rigs runs/others/ingest -o runs/mine/on-other-rigs",
+        "pumps data rerig --motion runs/mine/ingest --rigs runs/others/ingest -o runs/mine/on-other-rigs",
         pipeline=False,
     ),
     Stage(
-        "train-citl", ("train", "citl"), "stages.train_citl",
+        ("train", "citl"),
         "Train an interpolator in one skeleton's pose space, on that skeleton's motions (PC-MRL).",
         ("tpc",), "checkpoint",
         "pumps train citl --preset pcmrl --tpc runs/mine/adapted-tpc -o runs/mine/train-citl",
         pipeline=False,
     ),
     Stage(
-        "average-checkpoints", ("average-checkpoints",), "stages.average_checkpoints",
+        ("weights", "average"),
         "Average several trainings that started from the same weights: better than each of them.",
         ("checkpoint",), "checkpoint",
-        "pumps average-checkpoints runs/mine/lms-1 runs/mine/lms-2 -o runs/mine/train-lms",
+        "pumps weights average runs/mine/lms-1 runs/mine/lms-2 -o runs/mine/train-lms",
         arguments=("checkpoints",), pipeline=False,
     ),
     Stage(
-        "measure-ae", ("measure", "ae"), "stages.measure_ae",
+        ("measure", "ae"),
         "Measure autoencoders on held-out clouds: the rows of PUMPS Table 2.",
         ("tpc", "checkpoint"), "metrics",
         "pumps measure ae --tpc runs/mine/sample-tpc --weights mine=runs/mine/train-ae -o runs/mine/measure-ae",
         pipeline=False,
     ),
     Stage(
-        "measure-latents", ("measure", "latents"), "stages.measure_latents",
+        ("measure", "latents"),
         "Measure how much latents move when points, sigma or the skeleton change.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure latents --motion runs/mine/ingest --weights tiny -o runs/mine/measure-latents",
         pipeline=False,
     ),
     Stage(
-        "measure-pcmrl", ("measure", "pcmrl"), "stages.measure_pcmrl",
+        ("measure", "pcmrl"),
         "Measure what PC-MRL's tables do: a skeleton's own motions filled, adapted motions beside their sources.",
         ("tpc", "checkpoint"), "metrics",
         "pumps measure pcmrl --truth runs/mine/sample-tpc --weights mine=runs/mine/train-citl -o runs/mine/measure",
         pipeline=False,
     ),
     Stage(
-        "measure-motions", ("measure", "motions"), "stages.measure_motions",
+        ("measure", "motions"),
         "Measure motions beside the true ones of the same clips and joints.",
         ("motion",), "metrics",
         "pumps measure motions --truth runs/mine/ingest --made network=runs/mine/decode -o runs/mine/measure-motions",
         pipeline=False,
     ),
     Stage(
-        "measure-solve", ("measure", "solve"), "stages.measure_solve",
+        ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, of other sizes, on stranger rigs.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure solve --motion runs/mine/ingest -o runs/mine/measure-solve",
         pipeline=False,
     ),
     Stage(
-        "calibrate", ("calibrate",), "stages.calibrate",
+        ("weights", "calibrate"),
         "Learn how far weights may be trusted, on clips they were not trained on, and keep that beside them.",
-        ("checkpoint", "motion"), "", "pumps calibrate runs/mine --motion runs/mine/ingest",
+        ("checkpoint", "motion"), "", "pumps weights calibrate runs/mine --motion runs/mine/ingest",
         arguments=("weights",), pipeline=False,
     ),
     Stage(
-        "pack-weights", ("pack-weights",), "stages.pack_weights",
+        ("weights", "pack"),
         "Make the networks of a run small enough to hand on, with one model card.",
-        ("checkpoint",), "checkpoint", "pumps pack-weights runs/mine -o weights/mine",
+        ("checkpoint",), "checkpoint", "pumps weights pack runs/mine -o weights/mine",
         arguments=("run",), pipeline=False,
     ),
     Stage(
-        "list-weights", ("weights", "list"), "stages.list_weights",
+        ("weights", "list"),
         "List the weights that come with pumps: size, licences, training data.",
         (), "", "pumps weights list",
         pipeline=False,
     ),
     Stage(
-        "show-weights", ("weights", "show"), "stages.show_weights",
+        ("weights", "show"),
         "Tell what is known of some weights: licences, validation, what they are good and bad at.",
         ("checkpoint",), "", "pumps weights show tiny",
         arguments=("name",), pipeline=False,
     ),
     Stage(
-        "export", ("export",), "stages.export",
+        ("export",),
         "Give motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
         arguments=("input",), pipeline=False,
     ),
     Stage(
-        "inspect", ("inspect",), "stages.inspect_file",
+        ("inspect",),
         "Tell what a motion file holds: skeleton, body groups, pairs, unit, facing, rate, problems.",
         ("any format",), "", "pumps inspect walk.bvh",
         arguments=("path",), pipeline=False,
     ),
     Stage(
-        "list-data", ("data", "list"), "stages.list_data",
+        ("data", "list"),
         "List public data sets by name: licence, size, home page.",
         (), "", "pumps data list",
         pipeline=False,
     ),
     Stage(
-        "fetch-data", ("data", "fetch"), "stages.fetch_data",
+        ("data", "fetch"),
         "Download a public data set, resuming and checked.",
         (), "archives", "pumps data fetch 100style -o data --accept-licence",
         arguments=("name",), pipeline=False,
     ),
     Stage(
-        "doctor", ("doctor",), "stages.doctor",
+        ("doctor",),
         "Tell whether pumps can work here: versions, devices, weights found.",
         (), "", "pumps doctor",
         pipeline=False,
@@ -282,12 +289,27 @@ STAGES: tuple[Stage, ...] = (
 )  # fmt: skip
 
 GROUP_SUMMARIES = {
-    "data": "List and fetch public data sets.",
+    "data": "Public data sets listed and fetched; clips picked, or put on other rigs.",
     "ingest": "Read recordings into a motion artefact.",
     "measure": "Measure one part by itself.",
     "train": "Train a network.",
-    "weights": "Tell what weights there are.",
+    "weights": "Tell what weights there are; average, calibrate and pack your own.",
 }
+
+# Names of stages in 0.1.0 -> names now. Settings files and `--set` may have the old ones for one more version.
+OLD_NAMES = {
+    "average-checkpoints": "weights-average",
+    "calibrate": "weights-calibrate",
+    "fetch-data": "data-fetch",
+    "list-data": "data-list",
+    "list-weights": "weights-list",
+    "pack-weights": "weights-pack",
+    "pick-clips": "data-pick",
+    "retarget-clips": "data-rerig",
+    "show-weights": "weights-show",
+}
+# Those of them that were typed. They are not in help, and go in the next version, too.
+OLD_WORDS = ("average-checkpoints", "calibrate", "pack-weights", "pick-clips", "retarget-clips")
 
 
 def stage_named(name: str) -> Stage:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from stages.registry import STAGES
+from stages.shared.toml import read_toml
 
 ROOT = Path(__file__).resolve().parent.parent
 HOUSE = ("data_schemas", "stages", "pumps_cli")  # from the ground up: a package imports only what stands before it
@@ -41,8 +42,32 @@ def test_stage_packages_do_not_import_each_other():
     packages = {stage.package for stage in STAGES}
     for package in packages:
         for path in (ROOT / package.replace(".", "/")).glob("*.py"):
-            others = {name for name in imported_names(path) if ".".join(name.split(".")[:2]) in packages - {package}}
+            others = {name for name in imported_names(path) for other in packages - {package} if within(name, other)}
             assert not others, f"{path.relative_to(ROOT)} imports {', '.join(sorted(others))}"
+
+
+def within(name: str, package: str) -> bool:
+    """Whether the name is the package or in it."""
+    return f"{name}.".startswith(f"{package}.")
+
+
+def test_every_stage_is_where_its_words_say_and_under_the_contracts():
+    """Each of them is named there, or its group is; and what is named there is a stage or a group of stages."""
+    contracts = read_toml(ROOT / "pyproject.toml")["tool"]["importlinter"]["contracts"]
+    floors = next(each for each in contracts if each.get("containers") == ["stages"])
+    groups = next(each for each in contracts if each["type"] == "independence")
+    above, below = floors["layers"]
+    rooms = set(above.split(" | "))  # "|": they import each other no more than a lower floor imports a higher one
+    assert below == "shared" and floors["exhaustive"] and floors["exhaustive_ignores"] == ["registry"]
+    for stage in STAGES:
+        _, room, *rest = stage.package.split(".")
+        assert room in rooms and len(rest) <= 1, stage.package
+        assert not rest or f"stages.{room}.*" in groups["modules"], stage.package
+        assert (ROOT / stage.package.replace(".", "/") / "run.py").is_file(), stage.package
+    packages = {stage.package for stage in STAGES}
+    for room in rooms:
+        inner = {f"stages.{room}.{path.parent.name}" for path in (ROOT / "stages" / room).glob("*/__init__.py")}
+        assert (inner or {f"stages.{room}"}) <= packages, f"in stages/{room} lies what no command runs"
 
 
 def loaded_by(code: str) -> set[str]:

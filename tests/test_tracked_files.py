@@ -26,4 +26,4 @@ def test_no_tracked_file_holds_a_path_of_a_machine():
     found = [
         path.relative_to(_ROOT) for path in texts if _PLACE.search(content := path.read_bytes()) or here in content
     ]
-    assert [str(path) for path in found if path != Path("tests/pack_weights/test_pack_weights.py")] == []
+    assert [str(path) for path in found if path != Path("tests/weights/pack/test_pack.py")] == []

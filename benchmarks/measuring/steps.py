@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from stages.kinematics.conventions import GROUPS
-from stages.networks.cloud_decoder import CloudDecoder
-from stages.networks.device import precision
-from stages.networks.frame_encoder import FrameEncoder
-from stages.networks.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
-from stages.networks.synthesiser import LatentSynthesiser
-from stages.pointcloud.assignment import paired_difference
+from stages.shared.kinematics.conventions import GROUPS
+from stages.shared.networks.layers.device import precision
+from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
+from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
+from stages.shared.networks.pumps.frame_encoder import FrameEncoder
+from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
+from stages.shared.pointcloud.assignment import paired_difference
 
 
 @dataclass(frozen=True)

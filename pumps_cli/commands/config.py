@@ -9,11 +9,11 @@ import typer
 
 from pumps_cli.outcome import Manner, show, told
 from pumps_cli.stage_command import AsJson, Debug, Quiet
-from stages.registry import PIPELINE
-from stages.settings.layers import settle_file_part
-from stages.settings.presets import preset_layers, preset_names, preset_path
-from stages.settings.run_folder import write_run_config
-from stages.settings.toml import toml_text
+from stages.registry import OLD_NAMES, PIPELINE
+from stages.shared.settings.layers import settle_file_part
+from stages.shared.settings.presets import preset_layers, preset_names, preset_path
+from stages.shared.settings.run_folder import write_run_config
+from stages.shared.toml import toml_text
 
 app = typer.Typer(no_args_is_help=True, epilog="Example: pumps config show --preset tiny")
 
@@ -44,7 +44,7 @@ def show_preset(
                 what=f"pumps {' '.join(each.command)}",
             )
             for each in PIPELINE
-            if stage in (None, each.name)
+            if stage is None or OLD_NAMES.get(stage, stage) == each.name
         }
         show(manner, lambda: [toml_text(tables).strip()], lambda: tables)
 

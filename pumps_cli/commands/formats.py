@@ -11,7 +11,7 @@ from data_schemas.errors import InputError
 from data_schemas.whole_file import write_whole
 from pumps_cli.outcome import Manner, show, told
 from pumps_cli.stage_command import AsJson, Quiet
-from stages.formats.readers import FORMATS, Format
+from stages.shared.formats.readers import FORMATS, Format
 
 app = typer.Typer(epilog="Example: pumps formats")
 BEGIN, END = "<!-- made by `pumps formats --page` -->", "<!-- end of what `pumps formats --page` makes -->"

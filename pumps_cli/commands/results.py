@@ -26,9 +26,9 @@ def results(
 
     from data_schemas.manifest import open_artefact
     from data_schemas.metrics import read_metrics
-    from stages.statistics.feel_tables import feel_lines
-    from stages.statistics.figures import METRICS
-    from stages.statistics.tables import cells, terminal_lines
+    from stages.shared.statistics.feel_tables import feel_lines
+    from stages.shared.statistics.figures import METRICS
+    from stages.shared.statistics.tables import cells, terminal_lines
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with told(manner, "pumps results"):

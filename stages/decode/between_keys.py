@@ -19,18 +19,18 @@ from data_schemas.manifest import Artefact
 from data_schemas.motion import MotionReader, MotionWriter
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import TpcReader
-from stages.config import StageReport
 from stages.decode.clouds import chosen_rows, latents_of
 from stages.decode.config import Config
-from stages.inference.filling import fill_motion
-from stages.inference.following import follow_cloud
-from stages.inference.keyframes import parse_keyframes
-from stages.inference.models import Autoencoder, load_autoencoder
-from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.plain_interpolation import Glide
-from stages.kinematics.resampling import resample
-from stages.networks.device import choose_device
-from stages.progress import Progress
+from stages.shared.contract import StageReport
+from stages.shared.inference.filling import fill_motion
+from stages.shared.inference.keyframes import parse_keyframes
+from stages.shared.inference.models import Autoencoder, load_autoencoder
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.plain_interpolation import Glide
+from stages.shared.kinematics.resampling import resample
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.progress import Progress
+from stages.shared.solve.following import follow_cloud
 
 _HELD = Glide(0.0, 0.0)  # beyond the keys the pose stands still
 

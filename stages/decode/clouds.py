@@ -12,7 +12,7 @@ from torch import Tensor
 from data_schemas.errors import InputError
 from data_schemas.latent import ClipRow, LatentReader
 from data_schemas.skeleton import BODY_GROUPS
-from stages.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.conventions import MODEL_FPS
 
 # Points of each body group where no skeleton says how long its bones are: shares of a human figure's bone lengths.
 GROUP_SHARES = (0.16, 0.155, 0.155, 0.265, 0.265)

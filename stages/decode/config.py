@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.config import DeviceConfig
+from stages.shared.contract import DeviceConfig
 
 
 class Config(DeviceConfig):

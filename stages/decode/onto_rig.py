@@ -17,12 +17,12 @@ from data_schemas.latent import LatentReader
 from data_schemas.manifest import Artefact
 from data_schemas.motion import MotionWriter
 from data_schemas.tpc import TpcReader
-from stages.config import StageReport
 from stages.decode.clouds import chosen_rows, group_counts, latents_of
 from stages.decode.config import Config
-from stages.inference.models import load_autoencoder
-from stages.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
-from stages.progress import Progress
+from stages.shared.contract import StageReport
+from stages.shared.inference.models import load_autoencoder
+from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
+from stages.shared.progress import Progress
 
 
 class _Clouds(Protocol):

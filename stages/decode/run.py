@@ -11,13 +11,13 @@ from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.errors import UsageError
 from data_schemas.latent import ClipRow, LatentReader
 from data_schemas.tpc import TpcWriter
-from stages.config import StageReport
 from stages.decode.between_keys import decode_between_keys
 from stages.decode.clouds import chosen_rows, group_counts, latents_of
 from stages.decode.config import Config
 from stages.decode.onto_rig import decode_onto_rig
-from stages.inference.models import Autoencoder, load_autoencoder
-from stages.progress import SILENT, Progress
+from stages.shared.contract import StageReport
+from stages.shared.inference.models import Autoencoder, load_autoencoder
+from stages.shared.progress import SILENT, Progress
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:

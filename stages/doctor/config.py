@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stages.config import DeviceConfig
+from stages.shared.contract import DeviceConfig
 
 
 class Config(DeviceConfig):

@@ -9,9 +9,9 @@ from typing import Any
 
 from data_schemas.manifest import open_artefact
 from data_schemas.version import PUMPS_VERSION
-from stages.config import StageReport
 from stages.doctor.config import Config
-from stages.progress import SILENT, Progress
+from stages.shared.contract import StageReport
+from stages.shared.progress import SILENT, Progress
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -57,7 +57,7 @@ def _name_of(requirement: str) -> str:
 def _device(asked: str) -> dict[str, str]:
     import torch
 
-    from stages.networks.device import choose_device, computes_bfloat16
+    from stages.shared.networks.layers.device import choose_device, computes_bfloat16
 
     device = choose_device(asked)
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else f"{torch.get_num_threads()} threads"
@@ -67,7 +67,7 @@ def _device(asked: str) -> dict[str, str]:
 
 def _weights() -> list[dict[str, Any]]:
     """The shipped weights, with the licences of what they were trained on."""
-    from stages.shipped import shipped_weights, weights_folder
+    from stages.shared.weights.shipped import shipped_weights, weights_folder
 
     found = []
     for name in shipped_weights():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.config import DeviceConfig, ShardedConfig
+from stages.shared.contract import DeviceConfig, ShardedConfig
 
 
 class Config(DeviceConfig, ShardedConfig):

@@ -8,10 +8,10 @@ import torch
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.latent import LatentWriter
 from data_schemas.tpc import TpcReader
-from stages.config import StageReport
 from stages.encode.config import Config
-from stages.inference.models import load_autoencoder
-from stages.progress import SILENT, Progress
+from stages.shared.contract import StageReport
+from stages.shared.inference.models import load_autoencoder
+from stages.shared.progress import SILENT, Progress
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:

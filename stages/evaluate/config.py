@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pydantic import Field, field_validator
 
-from stages.config import DeviceConfig
-from stages.statistics.tasks import TASK_NAMES
+from stages.shared.contract import DeviceConfig
+from stages.shared.statistics.tasks import TASK_NAMES
 
 PROTOCOLS = ("pumps", "lafan1")
 

@@ -12,12 +12,12 @@ from data_schemas.clip_filter import clips_where
 from data_schemas.errors import InputError
 from data_schemas.motion import ClipRow, MotionReader
 from data_schemas.skeleton import Motion, Skeleton
-from stages.kinematics.conventions import MODEL_FPS
-from stages.kinematics.forward import positions_of
-from stages.kinematics.resampling import resample, resampled_frames
-from stages.statistics.archives import archive_of
-from stages.statistics.baselines import Poses
-from stages.statistics.windows import Task, Window, chosen_windows, clip_windows
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.resampling import resample, resampled_frames
+from stages.shared.statistics.archives import archive_of
+from stages.shared.statistics.baselines import Poses
+from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
 
 BATCH_WINDOWS = 64
 STATISTICS_CLIPS = 200  # read for the training statistics of the lafan1 protocol, per skeleton

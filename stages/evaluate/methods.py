@@ -16,14 +16,14 @@ from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
-from stages.inference.filling import FillOptions, fill_motion
-from stages.inference.models import load_weights, named_source
-from stages.networks.device import choose_device
-from stages.shipped import weights_folder
-from stages.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
-from stages.statistics.tasks import PREDICTION
-from stages.statistics.windows import Task, Window
-from stages.training.trainings import data_of
+from stages.shared.inference.filling import FillOptions, fill_motion
+from stages.shared.inference.models import load_weights, named_source
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
+from stages.shared.statistics.tasks import PREDICTION
+from stages.shared.statistics.windows import Task, Window
+from stages.shared.weights.shipped import weights_folder
+from stages.shared.weights.trainings import data_of
 
 TRUE_CLOUD = "solve-true-cloud"
 RECONSTRUCTED = "-reconstructed"

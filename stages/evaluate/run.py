@@ -15,16 +15,16 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
-from stages.config import StageReport
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
 from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
-from stages.inference.models import window_seams
-from stages.progress import SILENT, Progress
-from stages.statistics.feel import TrueFeet, feel, true_feet
-from stages.statistics.feel_tables import feel_lines
-from stages.statistics.figures import (
+from stages.shared.contract import StageReport
+from stages.shared.inference.models import window_seams
+from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.feel import TrueFeet, feel, true_feet
+from stages.shared.statistics.feel_tables import feel_lines
+from stages.shared.statistics.figures import (
     POWER_WEIGHTED,
     TRUTH,
     Figures,
@@ -35,9 +35,9 @@ from stages.statistics.figures import (
     measured_joints,
     position_deviation,
 )
-from stages.statistics.tables import cells, terminal_lines
-from stages.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
-from stages.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
+from stages.shared.statistics.tables import cells, terminal_lines
+from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
+from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
 
 
 @dataclass

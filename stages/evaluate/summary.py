@@ -8,10 +8,10 @@ from data_schemas.manifest import Artefact
 from data_schemas.metrics import MetricRow
 from stages.evaluate.config import Config
 from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
-from stages.settings.command_line import command_line
-from stages.statistics.feel_tables import LEGEND as FEEL_LEGEND
-from stages.statistics.feel_tables import feel_markdown
-from stages.statistics.tables import Cell, Key, overview, task_tables
+from stages.shared.settings.command_line import command_line
+from stages.shared.statistics.feel_tables import LEGEND as FEEL_LEGEND
+from stages.shared.statistics.feel_tables import feel_markdown
+from stages.shared.statistics.tables import Cell, Key, overview, task_tables
 
 LEGEND = (
     "In the tables below: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) "

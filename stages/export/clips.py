@@ -11,11 +11,11 @@ from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
 from stages.export.config import Config
-from stages.formats.readers import read_recordings, recognise
-from stages.formats.recording import Asked
-from stages.formats.rig_option import rig_named
-from stages.formats.skeleton_map import choose_map, read_skeleton_map
-from stages.formats.sources import source_named
+from stages.shared.formats.readers import read_recordings, recognise
+from stages.shared.formats.recording import Asked
+from stages.shared.formats.rig_option import rig_named
+from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
+from stages.shared.formats.sources import source_named
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.config import StageConfig
+from stages.shared.contract import StageConfig
 
 
 class Config(StageConfig):

@@ -6,12 +6,12 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import BvhFile, read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.bvh_of_motion import template_of
-from stages.formats.bvh_rows import values_of
-from stages.formats.bvh_write import write_bvh
-from stages.formats.sources import source_named
+from stages.shared.formats.bvh import BvhFile, read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.bvh_of_motion import template_of
+from stages.shared.formats.bvh_rows import values_of
+from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.sources import source_named
 
 _SAME_DIRECTION = np.cos(np.deg2rad(10))
 _FAULTS_SHOWN = 12

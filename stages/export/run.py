@@ -6,17 +6,17 @@ from pathlib import Path
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.whole_file import write_whole
-from stages.config import StageReport
 from stages.export.clips import Clip, clips_of, names_of
 from stages.export.config import Config
 from stages.export.other_rig import bvh_on_rig
-from stages.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
-from stages.formats.bvh_of_motion import bvh_of_motion
-from stages.formats.figure import places_of
-from stages.formats.gltf_write import glb_of_motion
-from stages.formats.table_write import csv_of_motion, parquet_of_motion
-from stages.kinematics.anatomy import anatomy_of
-from stages.progress import SILENT, Progress
+from stages.shared.contract import StageReport
+from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
+from stages.shared.formats.bvh_of_motion import bvh_of_motion
+from stages.shared.formats.figure import places_of
+from stages.shared.formats.gltf_write import glb_of_motion
+from stages.shared.formats.table_write import csv_of_motion, parquet_of_motion
+from stages.shared.humanoid.anatomy import anatomy_of
+from stages.shared.progress import SILENT, Progress
 
 SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parquet": ".parquet"}
 

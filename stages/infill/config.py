@@ -6,8 +6,8 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.config import DeviceConfig
-from stages.shipped import default_weights
+from stages.shared.contract import DeviceConfig
+from stages.shared.weights.shipped import default_weights
 
 
 class Config(DeviceConfig):

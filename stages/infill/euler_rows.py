@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import BvhFile
-from stages.formats.bvh_rows import layout_of, values_of
+from stages.shared.formats.bvh import BvhFile
+from stages.shared.formats.bvh_rows import layout_of, values_of
 
 SAME_DEGREES = 1.0  # forms of an angle differ by far more, rounding by far less
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import InputError, UsageError
-from stages.inference.keyframes import parse_keyframes, parse_transition
 from stages.infill.config import Config
+from stages.shared.inference.keyframes import parse_keyframes, parse_transition
 
 MOST_FRAMES = 10_000_000
 

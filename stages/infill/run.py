@@ -10,20 +10,20 @@ import numpy as np
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
-from stages.config import StageReport
-from stages.formats.bvh import BvhFile, read_bvh
-from stages.formats.bvh_motion import motion_of, rate_of
-from stages.formats.bvh_write import write_bvh
-from stages.formats.skeleton_map import choose_map, read_skeleton_map
-from stages.inference.filled import Filled
-from stages.inference.filling import FillOptions, fill_motion
-from stages.inference.models import Models, load_weights
 from stages.infill.config import Config
 from stages.infill.euler_rows import rows_between_keys
 from stages.infill.request import Request, request_of
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
-from stages.kinematics.conventions import MODEL_FPS
-from stages.progress import SILENT, Progress
+from stages.shared.contract import StageReport
+from stages.shared.formats.bvh import BvhFile, read_bvh
+from stages.shared.formats.bvh_motion import motion_of, rate_of
+from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
+from stages.shared.inference.filled import Filled
+from stages.shared.inference.filling import FillOptions, fill_motion
+from stages.shared.inference.models import Models, load_weights
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.progress import SILENT, Progress
 
 
 class _Region(NamedTuple):

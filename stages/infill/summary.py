@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
-from stages.inference.filled import Filled
-from stages.kinematics.conventions import MODEL_FPS
+from stages.shared.inference.filled import Filled
+from stages.shared.kinematics.conventions import MODEL_FPS
 
 STRANGE_RIG_M = 0.1  # decoded points that stray this far on their bones: the autoencoder does not know such a rig
 WORST_SHOWN = 5

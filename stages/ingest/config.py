@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.config import ShardedConfig
+from stages.shared.contract import ShardedConfig
 
 
 class Config(ShardedConfig):

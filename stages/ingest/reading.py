@@ -13,11 +13,11 @@ from multiprocessing.context import BaseContext
 
 from data_schemas.errors import InputError, PumpsError
 from data_schemas.quality import MotionQuality
-from stages.formats.bvh_motion import places_of
-from stages.formats.readers import AUTO, format_named, read_recordings, recognise
-from stages.formats.recording import Asked, Recording
-from stages.formats.sources import Source
-from stages.kinematics.motion_quality import measure_quality
+from stages.shared.formats.bvh_motion import places_of
+from stages.shared.formats.readers import AUTO, format_named, read_recordings, recognise
+from stages.shared.formats.recording import Asked, Recording
+from stages.shared.formats.sources import Source
+from stages.shared.humanoid.motion_quality import measure_quality
 
 LEAST_FRAMES = 2
 _BATCH_BYTES = 2 << 20

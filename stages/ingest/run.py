@@ -14,19 +14,19 @@ from data_schemas.artefact import write_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
-from stages.config import StageReport
-from stages.formats.archives import archive_suffix
-from stages.formats.readers import suffixes_of
-from stages.formats.recording import Asked, Recording
-from stages.formats.rig_option import rig_named
-from stages.formats.skeleton_map import read_skeleton_maps, unused_maps
-from stages.formats.sources import Source, find_sources
 from stages.ingest.config import Config
 from stages.ingest.doubts import doubts_of
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
 from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
-from stages.progress import SILENT, Progress
+from stages.shared.contract import StageReport
+from stages.shared.formats.archives import archive_suffix
+from stages.shared.formats.readers import suffixes_of
+from stages.shared.formats.recording import Asked, Recording
+from stages.shared.formats.rig_option import rig_named
+from stages.shared.formats.skeleton_map import read_skeleton_maps, unused_maps
+from stages.shared.formats.sources import Source, find_sources
+from stages.shared.progress import SILENT, Progress
 
 _LINES_SHOWN = 40
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import InputError
-from stages.formats.sources import Source
+from stages.shared.formats.sources import Source
 
 SPLITS_NAME = "splits.json"
 _TEST_SHARE, _VAL_SHARE = 10, 20  # one in so many, where no file says

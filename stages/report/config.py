@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.config import StageConfig
+from stages.shared.contract import StageConfig
 
 
 class Config(StageConfig):

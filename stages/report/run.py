@@ -13,13 +13,13 @@ from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import read_metrics
 from data_schemas.whole_file import write_whole
-from stages.config import StageReport
-from stages.progress import SILENT, Progress
 from stages.report.config import Config
 from stages.report.curves import curves_html
 from stages.report.markdown import markdown_html
 from stages.report.scenes import scenes_of
 from stages.report.strips import strips_svg
+from stages.shared.contract import StageReport
+from stages.shared.progress import SILENT, Progress
 
 ASSETS = Path(__file__).resolve().parent / "assets"
 SUBTITLE = "pumps: motion between keyframes, on its own skeleton"

@@ -15,12 +15,12 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import NO_GROUP, Motion, Skeleton
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.inference.keyframes import parse_keyframes
-from stages.kinematics.forward import global_rotations, local_rotations, offsets_over_time, positions_of
-from stages.kinematics.plain_interpolation import interpolate_pose
 from stages.report.config import Config
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.inference.keyframes import parse_keyframes
+from stages.shared.kinematics.forward import global_rotations, local_rotations, offsets_over_time, positions_of
+from stages.shared.kinematics.plain_interpolation import interpolate_pose
 
 SLERP = "slerp"
 LARGEST_STEP = 32767  # positions travel as 16-bit numbers, a fraction of a millimetre apart

@@ -11,21 +11,21 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import skeleton_id
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
-from stages.config import StageReport
-from stages.formats.bvh import BvhFile, read_bvh
-from stages.formats.bvh_motion import motion_of, values_of
-from stages.formats.bvh_write import write_bvh
-from stages.formats.sources import source_named
-from stages.inference.clouds import draw_on_skeleton, place_on_pose
-from stages.inference.local_pose import pose_of_motion
-from stages.inference.retarget_clouds import SIGMA_M, pull_to_places
-from stages.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
-from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
-from stages.kinematics.forward import positions_of
-from stages.kinematics.retargeting import Retargeted, retarget
-from stages.networks.device import choose_device
-from stages.progress import SILENT, Progress
 from stages.retarget.config import Config
+from stages.shared.contract import StageReport
+from stages.shared.formats.bvh import BvhFile, read_bvh
+from stages.shared.formats.bvh_motion import motion_of, values_of
+from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.sources import source_named
+from stages.shared.humanoid.retargeting import Retargeted, retarget
+from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.retarget_clouds import SIGMA_M, pull_to_places
+from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
+from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.progress import SILENT, Progress
+from stages.shared.solve.local_pose import pose_of_motion
 
 STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on average, are worth a warning
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from stages.config import ShardedConfig
+from stages.shared.contract import ShardedConfig
 
 
 class Config(ShardedConfig):

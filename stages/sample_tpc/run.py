@@ -12,13 +12,13 @@ from data_schemas.clips import ClipRow
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import BoneSet, TpcWriter, place_points
-from stages.config import StageReport
-from stages.kinematics.forward import positions_of
-from stages.kinematics.other_rigs import Rigs, on_another_rig, rigs_of
-from stages.kinematics.resampling import resample
-from stages.pointcloud.bones import bone_set
-from stages.progress import SILENT, Progress
 from stages.sample_tpc.config import Config
+from stages.shared.contract import StageReport
+from stages.shared.humanoid.other_rigs import Rigs, on_another_rig, rigs_of
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.resampling import resample
+from stages.shared.pointcloud.bones import bone_set
+from stages.shared.progress import SILENT, Progress
 
 
 @dataclass(frozen=True)

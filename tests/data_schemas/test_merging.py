@@ -19,7 +19,7 @@ from stages.ingest.config import Config as Ingest
 from stages.sample_tpc.config import Config as SampleTpc
 from stages.sample_tpc.run import run as sample_tpc
 
-CLIPS = Path(ingest.__file__).parents[1] / "clips"
+CLIPS = Path(ingest.__file__).parents[1] / "shared" / "clips"
 
 
 @pytest.fixture(scope="module")

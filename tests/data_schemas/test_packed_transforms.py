@@ -11,7 +11,7 @@ from data_schemas.artefact import write_artefact
 from data_schemas.errors import InputError
 from data_schemas.tpc import BoneSet, TpcReader, TpcWriter
 from tests.data_schemas.examples import a_row
-from tests.training.tiny_clouds import GROUPS, PARENTS, TAILS, swinging
+from tests.shared.training.tiny_clouds import GROUPS, PARENTS, TAILS, swinging
 
 FRAMES = 600  # more than two chunks
 WIDE_TURNS = 4.0  # rotation vectors beyond half a turn, and through it

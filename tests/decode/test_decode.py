@@ -15,13 +15,13 @@ from data_schemas.motion import MotionReader, MotionWriter
 from data_schemas.tpc import TpcReader
 from stages.decode.config import Config
 from stages.decode.run import group_counts, run
-from stages.inference.clouds import draw_on_skeleton, place_on_pose
-from stages.inference.local_pose import pose_of_motion
-from stages.inference.models import load_autoencoder
-from stages.kinematics.resampling import resample
 from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
-from tests.inference.examples import humanoid, swinging, write_random_weights
+from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.models import load_autoencoder
+from stages.shared.kinematics.resampling import resample
+from stages.shared.solve.local_pose import pose_of_motion
+from tests.shared.inference.examples import humanoid, swinging, write_random_weights
 
 
 def row_of(clip: str, frames: int, fps: float, skeleton: str, split: str = "test") -> ClipRow:

@@ -14,11 +14,11 @@ from data_schemas.motion import MotionReader
 from data_schemas.tpc import ClipRow, TpcReader, TpcWriter
 from stages.decode.config import Config
 from stages.decode.run import run
-from stages.inference.models import load_autoencoder
-from stages.inference.skeleton_decoding import decode_cloud, load_rig_network
-from tests.inference.examples import write_random_weights
-from tests.inference.rig_networks import write_random_rig_network
-from tests.training.tiny_clouds import write_clouds
+from stages.shared.inference.models import load_autoencoder
+from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network
+from tests.shared.inference.examples import write_random_weights
+from tests.shared.inference.rig_networks import write_random_rig_network
+from tests.shared.training.tiny_clouds import write_clouds
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ from torch.distributed.run import get_args_parser as torchrun_parser
 
 from pumps_cli import stage_command
 from pumps_cli.app import main
-from stages.config import StageReport
 from stages.registry import STAGES
+from stages.shared.contract import StageReport
 from tests.docs.pages import PAGES, ROOT, blocks, commands, launchers
 
 SHELL = [pytest.param(line, id=f"{page.name}: {line[:60]}") for page, line in commands()]

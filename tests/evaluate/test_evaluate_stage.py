@@ -19,10 +19,10 @@ from stages.evaluate import methods
 from stages.evaluate.config import Config
 from stages.evaluate.methods import window_seed, without_answers
 from stages.evaluate.run import run
-from stages.inference.models import named_source
-from stages.statistics.archives import archive_of
-from stages.statistics.baselines import BASELINES, Poses
-from stages.statistics.figures import (
+from stages.shared.inference.models import named_source
+from stages.shared.statistics.archives import archive_of
+from stages.shared.statistics.baselines import BASELINES, Poses
+from stages.shared.statistics.figures import (
     facing_turn,
     hip_joints,
     measured_joints,
@@ -30,8 +30,8 @@ from stages.statistics.figures import (
     turned_quaternions,
     turned_vectors,
 )
-from stages.statistics.windows import Window
-from tests.inference.examples import write_random_weights
+from stages.shared.statistics.windows import Window
+from tests.shared.inference.examples import write_random_weights
 
 NAMES = ("world", "hips", "chest", "head", "arm.L", "arm.R", "leg.L", "leg.R", "twist")
 SPINE = [[0, 0, 0], [0, 0.9, 0], [0, 0.3, 0], [0, 0.3, 0]]

@@ -13,13 +13,13 @@ import pytest
 from data_schemas.errors import InputError, UsageError
 from stages.export.config import Config
 from stages.export.run import SUFFIXES, run
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.figure import places_of
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
-from tests.formats.bvh_texts import BvhText
-from tests.formats.glb_reading import read_glb
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.figure import places_of
+from tests.shared.formats.bvh_texts import BvhText
+from tests.shared.formats.glb_reading import read_glb
 
 TEXT = BvhText(frames=24, orders={"Head": ("Yrotation", "Xrotation", "Zrotation")})
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import InputError, UsageError
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_rows import layout_of
 from stages.infill.config import Config
 from stages.infill.run import run
-from tests.inference.examples import write_random_weights
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_rows import layout_of
+from tests.shared.inference.examples import write_random_weights
 
-CLIPS = Path(__file__).resolve().parents[2] / "stages" / "clips"
+CLIPS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "clips"
 KEYS = "0,15,40,60"
 
 

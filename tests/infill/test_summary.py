@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stages.infill.summary import EVERY_BONE, ROWS_SHOWN, fallbacks_of, lines_of_fallbacks, lines_of_jumps
-from tests.inference.examples import humanoid
+from tests.shared.inference.examples import humanoid
 
 MISSING = np.array([1, 2, 3, 5, 6, 7])
 

@@ -13,12 +13,12 @@ from data_schemas.artefact import open_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import MotionReader
 from data_schemas.source_table import read_sources
-from stages.formats.recording import Asked
-from stages.formats.sources import find_sources
 from stages.ingest.config import Config
 from stages.ingest.reading import Job, read_all
 from stages.ingest.run import run
-from tests.formats.bvh_texts import BvhText
+from stages.shared.formats.recording import Asked
+from stages.shared.formats.sources import find_sources
+from tests.shared.formats.bvh_texts import BvhText
 
 
 def _zip(path: Path, members: dict[str, bytes]) -> Path:

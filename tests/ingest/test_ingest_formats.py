@@ -16,16 +16,16 @@ from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
 from data_schemas.source_table import read_sources
 from pumps_cli.app import main
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import rate_of
+from stages.data.pick.config import Config as PickConfig
+from stages.data.pick.run import run as pick_clips
 from stages.ingest.config import Config
 from stages.ingest.run import run
-from stages.pick_clips.config import Config as PickConfig
-from stages.pick_clips.run import run as pick_clips
-from tests.formats.amass_files import new_layout, npz, old_layout
-from tests.formats.asf_texts import AsfText
-from tests.formats.bvh_texts import BvhText
-from tests.formats.gltf_files import GltfText
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import rate_of
+from tests.shared.formats.amass_files import new_layout, npz, old_layout
+from tests.shared.formats.asf_texts import AsfText
+from tests.shared.formats.bvh_texts import BvhText
+from tests.shared.formats.gltf_files import GltfText
 
 MIX = {
     "bvh/walk.bvh": BvhText(frames=12).data(),

@@ -25,7 +25,7 @@ def leave_target(words: list[str]) -> None:
     for word in words:
         if word.startswith("--config"):
             assert Path(words[words.index(word) + 1]).stem == stage.name
-    if stage.name == "pick-clips":
+    if stage.name == "data-pick":
         output.mkdir(parents=True, exist_ok=True)
         for name in ("one", "two"):
             (output / f"{name}.bvh").write_text("HIERARCHY")

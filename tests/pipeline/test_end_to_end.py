@@ -21,10 +21,10 @@ from data_schemas.artefact import verify
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.manifest import open_artefact
 from data_schemas.metrics import read_metrics
-from stages.formats.bvh import read_bvh
+from stages.shared.formats.bvh import read_bvh
 from tests.docs.pages import ROOT, commands
 
-CLIPS = ROOT / "stages" / "clips"
+CLIPS = ROOT / "stages" / "shared" / "clips"
 PUMPS = (sys.executable, "-m", "pumps_cli")
 ARTEFACTS = ("ingest", "sample-tpc", "train-ae", "encode", "train-lms", "decode", "evaluate")
 _TRAINING = {
@@ -34,7 +34,7 @@ SETTINGS = {
     **{f"{stage}.{name}": value for stage in ("train-ae", "train-lms") for name, value in _TRAINING.items()},
     "train-ae.encoder.width": 8, "train-ae.encoder.heads": 2, "train-ae.decoder.width": 32,
     "train-ae.decoder.heads": 2, "train-ae.decoder.layers": 1, "train-lms.synthesiser.width": 32,
-    "train-lms.synthesiser.heads": 2, "train-lms.longest_gap": 12, "pick-clips.count": 1, "evaluate.max_windows": 1,
+    "train-lms.synthesiser.heads": 2, "train-lms.longest_gap": 12, "data-pick.count": 1, "evaluate.max_windows": 1,
     "evaluate.intervals": [15], "evaluate.transitions": [15], "evaluate.predictions": [15], "evaluate.points": 32,
     "sample-tpc.points": 64, "infill.points": 64, "decode.points": 32,
 }  # fmt: skip
@@ -140,7 +140,7 @@ def test_metrics_hold_the_plain_ways_and_the_trained_one(pipeline: Pipeline):
 
 def test_the_filled_clip_keeps_header_and_keys(pipeline: Pipeline):
     (filled,) = (pipeline.run / "infill").glob("*.bvh")
-    source = (pipeline.run / "pick-clips" / filled.name).read_bytes()
+    source = (pipeline.run / "data-pick" / filled.name).read_bytes()
     assert source in [path.read_bytes() for path in pipeline.data.glob("*.bvh")]
     given, made = read_bvh(source, "given"), read_bvh(filled.read_bytes(), "made")
     assert made.header == given.header and made.values.shape == given.values.shape
@@ -165,7 +165,7 @@ PAGE_LINES = [
 
 def test_the_commands_of_the_pages_do_what_they_say(pipeline: Pipeline):
     """Each one as it stands there, in a folder where runs/demo exists; those with shipped weights where there are."""
-    shipped = (ROOT / "stages" / "weights" / "tiny" / "ae" / "manifest.json").exists()
+    shipped = (ROOT / "stages" / "shared" / "weights" / "tiny" / "ae" / "manifest.json").exists()
     for line in PAGE_LINES:
         words = shlex.split(line)[1:]
         needs_shipped = {"tiny", "small"} & set(words) if "--weights" in words else words[0] == "infill"

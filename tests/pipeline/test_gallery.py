@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import InputError
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.bvh_of_motion import bvh_of_motion
-from stages.kinematics.forward import positions_of
-from tests.inference.examples import write_random_weights
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.bvh_of_motion import bvh_of_motion
+from stages.shared.kinematics.forward import positions_of
 from tests.report.test_report_stage import parsed
+from tests.shared.inference.examples import write_random_weights
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ALL = {stage.name for stage in PIPELINE}
 FIELDS = {
     "ingest": "strict=true", "sample-tpc": "points=99", "train-ae": "encoder.width=8", "encode": "half=false",
-    "train-lms": "steps=9", "pick-clips": "count=2", "infill": "keyframes=every:7", "decode": "points=64",
+    "train-lms": "steps=9", "data-pick": "count=2", "infill": "keyframes=every:7", "decode": "points=64",
     "evaluate": "window=61", "report": "keyframes=every:3",
 }  # fmt: skip
 

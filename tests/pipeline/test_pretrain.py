@@ -14,7 +14,7 @@ import pytest
 
 from data_schemas.artefact import verify
 from data_schemas.tpc import TpcReader
-from stages.weights_facts import facts_of
+from stages.shared.weights.facts import facts_of
 from tests.docs.pages import ROOT
 from tests.pipeline.test_end_to_end import CLIPS, PUMPS, SETTINGS
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stages.measure_ae.methods import PAPER
+from stages.measure.ae.methods import PAPER
 from tests.pipeline.test_makefile import ROOT, Run
 
 
@@ -54,7 +54,7 @@ def test_weights_are_measured_on_archives_that_they_never_saw(tmp_path: Path):
 def test_weights_are_measured_on_rigs_that_they_never_saw(tmp_path: Path):
     report = Table(tmp_path)
     report.target = "unseen-rigs-measured"
-    assert report.make() == ["ingest", "ingest", "retarget-clips", "evaluate"]
+    assert report.make() == ["ingest", "ingest", "data-rerig", "evaluate"]
     assert report.make() == []
     assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
 
@@ -62,7 +62,7 @@ def test_weights_are_measured_on_rigs_that_they_never_saw(tmp_path: Path):
 def test_shipped_weights_are_measured_once_for_all_tables_about_them(tmp_path: Path):
     report = Table(tmp_path)
     report.target = "weights-measured"
-    assert report.make() == ["ingest", *["evaluate"] * 5, "ingest", "retarget-clips", "evaluate"]
+    assert report.make() == ["ingest", *["evaluate"] * 5, "ingest", "data-rerig", "evaluate"]
     assert report.make() == []
 
 

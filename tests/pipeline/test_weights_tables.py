@@ -13,7 +13,7 @@ import pytest
 
 from data_schemas.artefact import write_artefact
 from data_schemas.metrics import write_metrics
-from tests.statistics.test_tables import ROW
+from tests.shared.statistics.test_tables import ROW
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "results.md"

@@ -11,8 +11,8 @@ import pytest
 from data_schemas.errors import InputError, PumpsError
 from data_schemas.version import PUMPS_VERSION
 from pumps_cli import stage_command
-from stages.config import StageConfig, StageReport
-from stages.registry import STAGES, Stage
+from stages.registry import OLD_NAMES, OLD_WORDS, STAGES, Stage, stage_named
+from stages.shared.contract import StageConfig, StageReport
 
 Pumps = Callable[..., object]
 
@@ -57,6 +57,23 @@ def test_help_names_every_command(pumps):
         assert word in shown
 
 
+@pytest.mark.parametrize("old", OLD_WORDS)
+def test_an_old_word_still_works_says_so_and_is_in_no_help(pumps, recorder: Recorder, old: str):
+    new = " ".join(stage_named(OLD_NAMES[old]).command)
+    assert not any(line.strip(" │").startswith(f"{old} ") for line in pumps("--help").out.splitlines())
+    told = f"`pumps {old}` is now `pumps {new}`; the old word goes in the next version.\n"
+    ran = pumps(old, "--help")
+    assert ran.code == 0 and ran.err == told and f"pumps {new}" in ran.out
+    assert pumps(*new.split(), "--help").err == ""
+
+
+def test_an_old_word_gives_the_new_command_its_flags(pumps, recorder: Recorder):
+    ran = pumps("average-checkpoints", "a", "b", "-o", "mean")
+    assert (ran.code, ran.out) == (0, "a line\n")
+    given = recorder.config.model_dump()  # type: ignore[union-attr]
+    assert [str(each) for each in given["checkpoints"]] == ["a", "b"]
+
+
 def test_version(pumps):
     assert pumps("--version").out.strip() == f"pumps {PUMPS_VERSION}"
 
@@ -97,6 +114,17 @@ def test_a_file_may_hold_a_table_for_each_stage(pumps, recorder: Recorder, tmp_p
     file.write_text("[train-ae]\nsteps = 11\n[train-lms]\nsteps = 99\n")
     pumps("train", "ae", "--config", file, "--tpc", "t", "-o", "o")
     assert recorder.config.model_dump()["steps"] == 11  # type: ignore[union-attr]
+
+
+def test_a_table_may_have_a_stages_old_name(pumps, recorder: Recorder, tmp_path: Path):
+    file = tmp_path / "run.toml"
+    file.write_text("[pick-clips]\ncount = 7\n[train-lms]\nsteps = 99\n")
+    pumps("data", "pick", "--config", file, "--motion", "m", "-o", "o")
+    assert recorder.config.model_dump()["count"] == 7  # type: ignore[union-attr]
+    assert pumps("encode", "--config", file, "--tpc", "t", "--ae", "a", "-o", "o").code == 0, "not encode's"
+    file.write_text("[pick-clips]\ncount = 7\n[data-pick]\ncount = 8\n")
+    pumps("data", "pick", "--config", file, "--motion", "m", "-o", "o")
+    assert recorder.config.model_dump()["count"] == 8, "the new name wins"  # type: ignore[union-attr]
 
 
 def test_all_faults_are_told_at_once(pumps, recorder: Recorder, tmp_path: Path):

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from pumps_cli.outcome import TINTS, Manner, show_report
-from stages.config import StageReport
+from stages.shared.contract import StageReport
 
 REPORT = StageReport(lines=["  Hips [x]", "plain"], tints={0: "left_arm"})
 

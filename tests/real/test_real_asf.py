@@ -10,13 +10,13 @@ import pytest
 from data_schemas.artefact import open_artefact
 from data_schemas.motion import MotionReader
 from data_schemas.source_table import read_sources
-from stages.formats.figure import places_of
-from stages.formats.readers import format_named, read_recordings
-from stages.formats.recording import Asked
-from stages.formats.sources import find_sources
 from stages.ingest.config import Config
 from stages.ingest.run import run
-from tests.formats.asf_texts import worst_beside_pyacclaim
+from stages.shared.formats.figure import places_of
+from stages.shared.formats.readers import format_named, read_recordings
+from stages.shared.formats.recording import Asked
+from stages.shared.formats.sources import find_sources
+from tests.shared.formats.asf_texts import worst_beside_pyacclaim
 
 ARCHIVE = Path(__file__).parents[2] / ".." / "shared" / "data" / "cmu-asfamc.zip"
 pytestmark = [pytest.mark.real, pytest.mark.skipif(not ARCHIVE.is_file(), reason="no recordings at hand")]

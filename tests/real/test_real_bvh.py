@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of, values_of
-from stages.formats.bvh_write import write_bvh
-from stages.formats.sources import find_sources
 from stages.ingest.config import Config
 from stages.ingest.run import run
-from stages.kinematics.forward import positions_of
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of, values_of
+from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.sources import find_sources
+from stages.shared.kinematics.forward import positions_of
 
 DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
 ARCHIVES = ("bandai-namco-1.zip", "bandai-namco-2.zip", "cmu-dance.zip", "lafan1-g1.zip")

@@ -9,11 +9,11 @@ import pytest
 
 from stages.export.config import Config
 from stages.export.run import run
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.figure import places_of
-from stages.formats.sources import find_sources, source_named
-from tests.formats.glb_reading import read_glb
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.figure import places_of
+from stages.shared.formats.sources import find_sources, source_named
+from tests.shared.formats.glb_reading import read_glb
 
 DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
 ARCHIVES = ("bandai-namco-1.zip", "cmu-dance.zip", "lafan1-g1.zip")

@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 
 from data_schemas.skeleton import Motion, Skeleton
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.inference.filling import FillOptions, fill_motion
 from stages.infill.config import Config
 from stages.infill.run import run
-from stages.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
-from stages.kinematics.forward import positions_of
-from stages.kinematics.resampling import resample
-from stages.measure_solve.conditions import TRUE, conditions_of
-from stages.measure_solve.config import Config as MeasureConfig
-from stages.measure_solve.figures import figures_of
-from stages.measure_solve.methods import slerp as slerp_of
-from stages.measure_solve.methods import solve
-from stages.measure_solve.rigs import Rigged
-from tests.inference.examples import write_random_weights
+from stages.measure.solve.conditions import TRUE, conditions_of
+from stages.measure.solve.config import Config as MeasureConfig
+from stages.measure.solve.figures import figures_of
+from stages.measure.solve.methods import slerp as slerp_of
+from stages.measure.solve.methods import solve
+from stages.measure.solve.rigs import Rigged
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.inference.filling import FillOptions, fill_motion
+from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.resampling import resample
+from tests.shared.inference.examples import write_random_weights
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SALSA_FPS = 60.0  # the files say 120

@@ -12,16 +12,16 @@ import pytest
 from data_schemas.metrics import read_metrics
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
-from stages.measure_ae.config import Config as AeConfig
-from stages.measure_ae.run import run as measure_ae
-from stages.measure_ae.summary import REFERENCE
-from stages.measure_latents.config import Config as LatentsConfig
-from stages.measure_latents.run import run as measure_latents
+from stages.measure.ae.config import Config as AeConfig
+from stages.measure.ae.run import run as measure_ae
+from stages.measure.ae.summary import REFERENCE
+from stages.measure.latents.config import Config as LatentsConfig
+from stages.measure.latents.run import run as measure_latents
 from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
-WEIGHTS = Path(__file__).resolve().parents[2] / "stages" / "weights" / "tiny"
+WEIGHTS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "weights" / "tiny"
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(not (DATA / "bandai-namco-1.zip").exists(), reason="needs ../shared/data"),

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of, places_of
 from stages.ingest.doubts import TOGETHER
-from stages.kinematics.motion_quality import measure_quality
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of, places_of
+from stages.shared.humanoid.motion_quality import measure_quality
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 

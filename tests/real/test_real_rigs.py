@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.formats.rig_file import rig_of_file
-from stages.formats.sources import find_sources
-from stages.kinematics.forward import positions_of
-from stages.kinematics.rig import pose_heads
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.rig_file import rig_of_file
+from stages.shared.formats.sources import find_sources
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.pointcloud.rig import pose_heads
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 

@@ -21,12 +21,12 @@ from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.skeleton import Motion, Skeleton
-from stages.kinematics.forward import positions_of
 from stages.report.config import Config
 from stages.report.curves import curves_html
 from stages.report.markdown import markdown_html
 from stages.report.run import run
 from stages.report.scenes import slerped
+from stages.shared.kinematics.forward import positions_of
 
 FRAMES = 41
 BVH = """HIERARCHY

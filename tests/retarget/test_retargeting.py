@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import stages.clips
+import stages.shared.clips
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.inference.retarget_clouds import pull_to_places
-from stages.kinematics.bone_matching import LIMBS, bones_of, match_limb, size_ratio, spine_of
-from stages.kinematics.forward import positions_of
-from stages.kinematics.retargeting import is_human_pose, rest_pose, retarget
 from stages.retarget.config import Config
 from stages.retarget.run import run
-from stages.train_skeleton.config import Config as TrainSkeleton
-from stages.train_skeleton.run import run as train_skeleton
-from tests.training.tiny_clouds import write_clouds
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.humanoid.bone_matching import LIMBS, bones_of, match_limb, size_ratio, spine_of
+from stages.shared.humanoid.retargeting import is_human_pose, rest_pose, retarget
+from stages.shared.inference.retarget_clouds import pull_to_places
+from stages.shared.kinematics.forward import positions_of
+from stages.train.skeleton.config import Config as TrainSkeleton
+from stages.train.skeleton.run import run as train_skeleton
+from tests.shared.training.tiny_clouds import write_clouds
 
-CLIPS = Path(stages.clips.__file__).parent
+CLIPS = Path(stages.shared.clips.__file__).parent
 KICK = CLIPS / "kick.bvh"
 
 

@@ -12,13 +12,13 @@ from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
 from data_schemas.motion import MotionWriter
 from data_schemas.tpc import TpcReader
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
-from stages.kinematics.rig_changes import Rigged, with_other_proportions
 from stages.sample_tpc.config import Config
 from stages.sample_tpc.run import run
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.humanoid.rig_changes import Rigged, with_other_proportions
 
-CLIPS = Path(__file__).parents[2] / "stages" / "clips"
+CLIPS = Path(__file__).parents[2] / "stages" / "shared" / "clips"
 
 
 def _row(clip: str, skeleton: str, motion, split: str) -> ClipRow:

@@ -10,15 +10,15 @@ import pytest
 from data_schemas.artefact import open_artefact
 from data_schemas.motion import MotionReader
 from data_schemas.tpc import TpcReader
-from stages.formats.bvh import read_bvh
-from stages.formats.bvh_motion import motion_of
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
-from stages.kinematics.forward import positions_of
-from stages.pointcloud.bones import body_joints, bone_set
 from stages.sample_tpc.config import Config
 from stages.sample_tpc.run import run
-from tests.formats.bvh_texts import BvhText
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.pointcloud.bones import body_joints, bone_set
+from tests.shared.formats.bvh_texts import BvhText
 
 
 @pytest.fixture(scope="module")

@@ -1,1 +1,0 @@
-"""The stage behind `pumps calibrate`."""

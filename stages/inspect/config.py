@@ -1,0 +1,27 @@
+"""Settings of `pumps inspect`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from stages.shared.contract import StageConfig
+
+
+class Config(StageConfig):
+    """Tell what a motion file holds."""
+
+    path: str = Field(
+        description="A file of any format that is read, 'archive.zip!member', or an archive or folder to list."
+    )
+    map: bool = Field(False, description="Print only the skeleton map, ready to edit.")
+    skeleton_map: Path | None = Field(
+        None, description="TOML that says which joints are which part of the body; --map prints one."
+    )
+    skeleton: str | None = Field(
+        None, description="Skeleton of files that hold none: an ASF for AMC, a BVH or a list's name for positions."
+    )
+    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
+    rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")
+    fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.", gt=0)

@@ -1,0 +1,125 @@
+"""`pumps inspect`: what a motion file holds and what pumps makes of it, before anything is done with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from data_schemas.errors import InputError
+from stages.inspect.config import Config
+from stages.inspect.described import Described, describe_bare_bvh, describe_recording
+from stages.shared.contract import StageReport
+from stages.shared.formats.bvh import BvhFile, read_bvh
+from stages.shared.formats.readers import AUTO, Format, read_recordings, recognise, suffixes_of
+from stages.shared.formats.recording import Asked, Recording
+from stages.shared.formats.rig_option import rig_named
+from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map, text_of_anatomy
+from stages.shared.formats.sources import Source, find_sources
+from stages.shared.progress import SILENT, Progress
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Describe one file in full, or every file of an archive or folder in a line each.
+
+    Raises: InputError where there is nothing to read, the one file is no recording, or a skeleton map does not fit.
+    """
+    sources = find_sources([config.path], suffixes_of(AUTO))
+    asked = _asked(config)
+    if len(sources) == 1:
+        found = _read(sources[0], asked)
+        return _map_of(found) if config.map else _in_full(found)
+    if config.map:
+        raise InputError(f"{config.path} holds {len(sources)} files, and a map is of one rig.", "Name one of them.")
+    return _listed(sources, asked, progress)
+
+
+def _asked(config: Config) -> Asked:
+    maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
+    rig, rig_name = rig_named(config.skeleton) if config.skeleton else (b"", "")
+    return Asked(
+        fps_override=config.fps_override, rest_frame=config.rest_frame, trim_first="auto",
+        rig=rig, rig_name=rig_name, body_models=config.body_models, skeleton_maps=maps,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What was read of one file. fault: why its joints are no humanoid's; then `recordings` is empty."""
+
+    source: Source
+    chosen: Format
+    recordings: list[Recording]
+    bvh: BvhFile | None
+    fault: str = ""
+    mapped: bool = False
+
+
+def _read(source: Source, asked: Asked) -> _Found:
+    data = source.read()
+    chosen = recognise(data, source.name)
+    if chosen is None:
+        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+    bvh = read_bvh(data, source.name) if chosen.name == "bvh" else None
+    if bvh is not None and asked.skeleton_maps:
+        choose_map(asked.skeleton_maps, [joint.name for joint in bvh.joints], must_fit=True)
+    try:
+        recordings = read_recordings(data, source, chosen, asked)
+    except InputError as error:
+        if bvh is None or asked.skeleton_maps:
+            raise
+        return _Found(source, chosen, [], bvh, error.message)
+    for recording in recordings:
+        choose_map(asked.skeleton_maps, recording.skeleton.names, must_fit=bool(asked.skeleton_maps))
+    return _Found(source, chosen, recordings, bvh, mapped=bool(asked.skeleton_maps))
+
+
+def _described(found: _Found) -> list[Described]:
+    if found.bvh is not None and not found.recordings:
+        return [describe_bare_bvh(found.bvh, found.fault)]
+    return [describe_recording(recording, found.bvh, mapped=found.mapped) for recording in found.recordings]
+
+
+def _in_full(found: _Found) -> StageReport:
+    report = StageReport(lines=[found.source.name])
+    described = _described(found)
+    for each in described:
+        start = len(report.lines)
+        report.lines += each.lines
+        report.tints |= {start + line: tint for line, tint in each.tints.items()}
+    figures = {"file": found.source.name, "format": found.chosen.name, **described[0].figures}
+    if len(described) > 1:
+        figures["clips"] = [each.figures for each in described]
+    report.figures.update(figures)
+    return report
+
+
+def _map_of(found: _Found) -> StageReport:
+    if not found.recordings:
+        raise InputError(found.fault, "Write a map by hand: docs/formats.md shows one.")
+    described = describe_recording(found.recordings[0], found.bvh, mapped=found.mapped)
+    skeleton = found.recordings[0].skeleton
+    assert described.anatomy is not None
+    text = text_of_anatomy(described.anatomy, skeleton.names, skeleton.parents, found.source.name)
+    return StageReport(lines=text.rstrip("\n").split("\n"), figures={"map": text})
+
+
+def _listed(sources: list[Source], asked: Asked, progress: Progress) -> StageReport:
+    report = StageReport()
+    problems = 0
+    progress.start("Inspecting", total=len(sources))
+    for source in sources:
+        try:
+            figures = [each.figures for each in _described(_read(source, asked))]
+            found = [problem for each in figures for problem in each["problems"]]
+            told = f"{figures[0]['joints']} joints, " + " and ".join(
+                f"{each['frames']} frames at {each['fps']:g} fps" for each in figures[:3]
+            )
+        except InputError as error:
+            found, told = [error.message], "unreadable"
+        problems += bool(found)
+        if found:
+            report.tints[len(report.lines)] = "problem"
+        report.lines.append(f"{source.member}: {told}" + (f"; {' '.join(found)}" if found else ""))
+        progress.advance(1, source.member)
+    report.lines.append(f"{len(sources)} files, {problems} with something to know.")
+    report.figures.update({"files": len(sources), "with_problems": problems})
+    return report

@@ -1,9 +1,0 @@
-"""Settings of `pumps weights list`."""
-
-from __future__ import annotations
-
-from stages.config import StageConfig
-
-
-class Config(StageConfig):
-    """List the weights that come with pumps: size, licences, what they were trained on."""

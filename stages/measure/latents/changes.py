@@ -1,0 +1,185 @@
+"""What is changed of a window, and what should then stay: other points, another body, another rig, another heading.
+
+Every change gives the bones and the cloud that are encoded; the motion is the same in all but the last two kinds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from data_schemas.clips import ClipRow
+from data_schemas.motion import skeleton_id
+from stages.shared.humanoid.retargeting import retarget
+from stages.shared.humanoid.rig_changes import RIGS, Rigged, with_other_proportions, with_stiff_spine
+from stages.shared.inference.measured_clouds import DrawnCloud, MovingBones, bones_of_motion, draw_cloud, spread_cloud
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A window and its cloud as they are, before any change.
+
+    rigged: the motion on its skeleton. bones: the same as moving bones. cloud: the points drawn on them.
+    points: how many. sigma_m: how far they are scattered.
+    """
+
+    row: ClipRow
+    start: int
+    rigged: Rigged
+    bones: MovingBones
+    cloud: DrawnCloud
+    points: int
+    sigma_m: float
+
+    def seed(self, base: int, change: int) -> np.random.Generator:
+        """For the draws of a change."""
+        return np.random.default_rng([*self.bones.seed(base), change])
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """What is encoded after a change: the cloud (T, P, 3), its groups (P,), and whether its points were spread
+    evenly, as filling spreads them, and not drawn at random."""
+
+    cloud: Tensor
+    groups: Tensor
+    spread: bool = False
+
+
+@dataclass(frozen=True)
+class Change:
+    """A row of the table.
+
+    kind:  what stays and what does not, in words; rows of a kind stand together.
+    apply: gives what is encoded after the change; None where a window has nothing to change.
+    same_cloud: whether the changed cloud is another draw of the base's cloud, so that the two may be compared.
+    """
+
+    name: str
+    kind: str
+    apply: Callable[[Scene, np.random.Generator], Encoded | None]
+    same_cloud: bool = True
+
+
+def scene_of(row: ClipRow, start: int, rigged: Rigged, points: int, sigma_m: float, seed: int) -> Scene:
+    """The window with its first draw of points."""
+    bones = bones_of_motion(row, start, rigged.skeleton, rigged.motion)
+    cloud = draw_cloud(bones, points, np.random.default_rng(bones.seed(seed)))
+    return Scene(row, start, rigged, bones, cloud, points, sigma_m)
+
+
+def unchanged(scene: Scene) -> Encoded:
+    """The base itself."""
+    return _one(scene.cloud, scene.bones, scene.sigma_m)
+
+
+def spread_evenly(scene: Scene, bones: MovingBones, rng: np.random.Generator) -> Encoded:
+    """Points spread evenly over some bones, from a place drawn at random."""
+    return replace(_one(spread_cloud(bones, scene.points, rng), bones, scene.sigma_m), spread=True)
+
+
+def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
+    """All rows, in order. `others`: skeletons to give the motions to, by name, each with poses of its own."""
+    counts = (("half", 0.5), ("four times", 4))
+    return [
+        *(Change(f"{frames} frames later", TIME, _later(frames), same_cloud=False) for frames in (1, 5)),
+        Change("points redrawn", POINTS, lambda scene, rng: _fresh(scene, scene.bones, rng)),
+        Change("points spread evenly, anew", POINTS, lambda scene, rng: spread_evenly(scene, scene.bones, rng)),
+        *(Change(f"sigma {sigma:g} m, same draw", POINTS, _sigma(sigma)) for sigma in (0.025, 0.075)),
+        *(Change(f"{text} the points", POINTS, _count(factor)) for text, factor in counts),
+        *(Change(f"size x {size:g}, same draw", BODY, _size(size), same_cloud=False) for size in (0.85, 1.2)),
+        Change("limbs 15% longer or shorter, same draw", BODY, _proportions, same_cloud=False),
+        Change("rig: all-of-these", RIG, _rig(RIGS["all-of-these"], spread=False)),
+        *(Change(f"rig: {name}, spread", RIG, _rig(change, spread=True)) for name, change in RIGS.items()),
+        Change("rig: stiff-spine, spread", RIG, _rig(lambda rigged, rng: with_stiff_spine(rigged), spread=True)),
+        *(Change(f"retargeted to {name}, spread", RETARGETED, _retargeted(other), same_cloud=False)
+          for name, other in (others or {}).items()),
+        *(Change(f"turned by {degrees} degrees, same draw", TURN, _turned(degrees), same_cloud=False)
+          for degrees in (15, 90, 180)),
+    ]  # fmt: skip
+
+
+TIME = "the motion goes on: how far latents go in time"
+POINTS = "the same motion of the same body, other points"
+BODY = "the same rotations on another body"
+RIG = "the same motion on another rig"
+RETARGETED = "the same motion on another data set's skeleton, by `pumps retarget`"
+TURN = "the whole window turned about the vertical: the latent is meant to tell"
+
+
+def _one(cloud: DrawnCloud, bones: MovingBones, sigma_m: float) -> Encoded:
+    return Encoded(cloud.on(bones, sigma_m), cloud.groups(bones))
+
+
+def _fresh(scene: Scene, bones: MovingBones, rng: np.random.Generator, points: int = 0) -> Encoded:
+    return _one(draw_cloud(bones, points or scene.points, rng), bones, scene.sigma_m)
+
+
+def _later(frames: int) -> Callable[[Scene, np.random.Generator], Encoded]:
+    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
+        base = unchanged(scene)
+        kept = torch.arange(len(base.cloud)).add(frames).clamp_max(len(base.cloud) - 1)
+        return replace(base, cloud=base.cloud[kept])
+
+    return apply
+
+
+def _sigma(sigma_m: float) -> Callable[[Scene, np.random.Generator], Encoded]:
+    return lambda scene, rng: _one(scene.cloud, scene.bones, sigma_m)
+
+
+def _count(factor: float) -> Callable[[Scene, np.random.Generator], Encoded]:
+    return lambda scene, rng: _fresh(scene, scene.bones, rng, max(8, round(factor * scene.points)))
+
+
+def _size(size: float) -> Callable[[Scene, np.random.Generator], Encoded]:
+    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
+        bones = replace(scene.bones, heads=scene.bones.heads * size, tails=scene.bones.tails * size)
+        return _one(scene.cloud, bones, scene.sigma_m)
+
+    return apply
+
+
+def _proportions(scene: Scene, rng: np.random.Generator) -> Encoded:
+    changed = with_other_proportions(scene.rigged, rng)
+    bones = bones_of_motion(scene.row, scene.start, changed.skeleton, changed.motion)
+    return _one(scene.cloud, bones, scene.sigma_m)
+
+
+def _rig(
+    change: Callable[[Rigged, np.random.Generator], Rigged], *, spread: bool
+) -> Callable[[Scene, np.random.Generator], Encoded]:
+    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
+        changed = change(scene.rigged, rng)
+        bones = bones_of_motion(scene.row, scene.start, changed.skeleton, changed.motion)
+        return spread_evenly(scene, bones, rng) if spread else _fresh(scene, bones, rng)
+
+    return apply
+
+
+def _retargeted(other: Rigged) -> Callable[[Scene, np.random.Generator], Encoded | None]:
+    """None where the motion is on that skeleton already."""
+
+    def apply(scene: Scene, rng: np.random.Generator) -> Encoded | None:
+        if skeleton_id(scene.rigged.skeleton) == skeleton_id(other.skeleton):
+            return None
+        moved = retarget(scene.rigged.skeleton, scene.rigged.motion, other.skeleton, other.motion).motion
+        return spread_evenly(scene, bones_of_motion(scene.row, scene.start, other.skeleton, moved), rng)
+
+    return apply
+
+
+def _turned(degrees: float) -> Callable[[Scene, np.random.Generator], Encoded]:
+    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
+        base = unchanged(scene)
+        angle = np.radians(degrees)
+        turn = torch.tensor(
+            [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]], dtype=torch.float32
+        )
+        return replace(base, cloud=base.cloud @ turn.T)
+
+    return apply

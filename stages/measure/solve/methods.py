@@ -1,0 +1,71 @@
+"""What turns a cloud and a few known poses into a motion: slerp, which sees no cloud; the solve; networks of rigs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import torch
+
+from data_schemas.errors import UsageError
+from data_schemas.skeleton import Motion
+from stages.measure.solve.conditions import Case
+from stages.measure.solve.config import Config
+from stages.shared.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network, solve_from_network
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.solve.following import follow_cloud
+from stages.shared.solve.local_pose import pose_of_motion, replace_rows
+
+SLERP, SOLVE = "slerp", "solve"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of the tables. make: from a case to a motion of as many frames, or None where it cannot."""
+
+    name: str
+    make: Callable[[Case], Motion | None]
+    source: str = ""
+
+
+def methods_of(config: Config) -> list[Method]:
+    """All methods. Raises UsageError where a network has no name of its own, InputError where it cannot be read."""
+    device = choose_device(config.device)
+    methods = [Method(SLERP, slerp), Method(SOLVE, lambda case: solve(case, device))]
+    for text in config.networks:
+        name, equals, source = text.partition("=")
+        if not (name and equals and source) or name in {method.name for method in methods}:
+            raise UsageError(f"--networks {text!r} is no NAME=FOLDER of its own.", "Write --networks mine=runs/mine.")
+        network = load_rig_network(source, config.device)
+        for label, decode in ((name, decode_cloud), (f"{name} and solve", solve_from_network)):
+            methods.append(Method(label, partial(by_network, network=network, decode=decode), source))
+    return methods
+
+
+def slerp(case: Case) -> Motion:
+    """Great circles between the keys, which are all it sees."""
+    keys = np.flatnonzero(case.known)
+    pose = pose_of_motion(case.skeleton, case.motion.at(keys))
+    gaps = np.flatnonzero(~case.known)
+    between = pose.at(torch.as_tensor(keys).double(), torch.as_tensor(gaps).double())
+    return replace_rows(case.skeleton, case.motion, between, gaps)
+
+
+def solve(case: Case, device: torch.device | str = "cpu") -> Motion:
+    """Positions, body groups and the keys' poses, nothing else."""
+    points, groups = case.points.to(device), case.groups.to(device)
+    return follow_cloud(case.skeleton, case.motion, case.known, points, groups, case.options).motion
+
+
+def by_network(case: Case, network: RigNetwork, decode: Callable[..., Motion] = decode_cloud) -> Motion | None:
+    """The cloud alone, no keys; only where the network's rig is the case's own.
+
+    Args: decode: `decode_cloud`, or `solve_from_network`, whose solve starts from the network's pose.
+    """
+    rig = network.rig.skeleton
+    same = rig.names == case.skeleton.names and np.allclose(rig.tails, case.skeleton.tails, atol=1e-3)
+    if not same or np.bincount(case.groups.numpy(), minlength=5).min() == 0:
+        return None
+    return decode(network, case.points, case.groups, case.motion.fps)

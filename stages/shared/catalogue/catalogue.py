@@ -1,0 +1,129 @@
+"""The catalogue of public data sets, read from a TOML file: ours (`data_sets.toml`), or one given by the user."""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from data_schemas.errors import InputError, UsageError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib  # pyright: ignore[reportMissingImports]
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_CHECKSUM = re.compile(r"sha256:[0-9a-f]{64}|md5:[0-9a-f]{32}|")
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class DataFile(_Strict):
+    """One file to download.
+
+    name:     of the file on disk, a plain file name.
+    url:      http or https.
+    bytes:    its size; 0 where nobody states it.
+    checksum: "sha256:..." or "md5:..."; "" where nobody states one.
+    checksum_from: who states the checksum.
+    """
+
+    name: str
+    url: str
+    bytes: int = Field(0, ge=0)
+    checksum: str = ""
+    checksum_from: str = ""
+
+    @field_validator("name")
+    @classmethod
+    def _plain(cls, name: str) -> str:
+        if not _NAME.fullmatch(name):
+            raise ValueError("must be a plain file name")
+        return name
+
+    @field_validator("url")
+    @classmethod
+    def _web(cls, url: str) -> str:
+        if not url.startswith(("http://", "https://")):
+            raise ValueError("must start with http:// or https://")
+        return url
+
+    @field_validator("checksum")
+    @classmethod
+    def _known(cls, checksum: str) -> str:
+        if not _CHECKSUM.fullmatch(checksum):
+            raise ValueError("must be sha256:<64 hex digits> or md5:<32 hex digits>")
+        return checksum
+
+
+class DataSet(_Strict):
+    """One collection.
+
+    by_hand: what a person must do where a program may not (an account, moving hosts); then there are no files.
+    ingest:  the command to run on the file, with {file} in its place.
+    """
+
+    title: str
+    format: str
+    home: str
+    licence: str
+    licence_url: str
+    terms: str
+    ingest: str
+    files: tuple[DataFile, ...] = ()
+    by_hand: str = ""
+
+    @model_validator(mode="after")
+    def _reachable(self) -> DataSet:
+        if bool(self.files) == bool(self.by_hand):
+            raise ValueError("needs either files, or by_hand with what a person must do")
+        return self
+
+    @property
+    def bytes(self) -> int:
+        """Size of all files; 0 where one of them is not known."""
+        sizes = [each.bytes for each in self.files]
+        return sum(sizes) if all(sizes) else 0
+
+
+def read_catalogue(path: Path | None = None) -> dict[str, DataSet]:
+    """The data sets by name, in the file's order.
+
+    Args:
+        path: a TOML file in the shape of `data_sets.toml`; None for the one that comes with pumps.
+
+    Raises: InputError naming every fault of the file.
+    """
+    where = str(path) if path else "data_sets.toml"
+    try:
+        data = path.read_bytes() if path else files("stages.shared.catalogue").joinpath("data_sets.toml").read_bytes()
+        tables = tomllib.loads(data.decode("utf-8"))
+    except OSError as error:
+        raise InputError(f"{where} cannot be read: {error.strerror}.") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{where} is no TOML file: {error}.") from error
+    found: dict[str, DataSet] = {}
+    faults: list[str] = []
+    for name, table in tables.items():
+        try:
+            if not _NAME.fullmatch(name):
+                faults.append(f"the name {name!r} is no plain word")
+            found[name] = DataSet.model_validate(table)
+        except ValidationError as error:  # noqa: PERF203
+            faults += [f"{name}.{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+    if faults:
+        raise InputError(f"{where} is no catalogue: {'; '.join(faults)}.")
+    return found
+
+
+def data_set_named(catalogue: dict[str, DataSet], name: str) -> DataSet:
+    """Raises UsageError naming those there are."""
+    if name not in catalogue:
+        raise UsageError(f"No data set is called {name!r}.", f"There are {', '.join(catalogue)}.")
+    return catalogue[name]

@@ -1,0 +1,150 @@
+"""Downloads that go on where they broke off, and are checked. Pooch places and verifies; the resuming is ours.
+
+What has come lies in `NAME.part`, with the server's mark of that version of the file (its ETag or date) in
+`NAME.part.mark`: a later try asks for the rest of that version, and starts again where the server has another.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pooch
+import requests
+
+from data_schemas.errors import PumpsError
+from stages.shared.catalogue.catalogue import DataFile
+from stages.shared.progress import Progress
+
+_BLOCK = 1 << 16  # bytes; of a broken connection at most so many are lost
+_PATIENCE_S = 30  # without a byte for so long, the connection counts as broken
+_TRIES = 6  # in a row without a byte gained
+_MOST_UNSTATED = 20 << 30  # bytes of a file whose size nobody states
+
+
+class _Changed(Exception):
+    """The server's file is not the one that the first part is of."""
+
+
+def fetch_file(file: DataFile, folder: Path, *, progress: Progress, pause_s: float = 1.0) -> Path:
+    """The file in `folder`, downloaded if it is not there whole, and checked against its checksum.
+
+    Args:
+        pause_s: wait after the first broken connection, doubled at each further one.
+
+    Raises: PumpsError where the server cannot be reached or sends something else, or the disk is full; what has
+    come is kept, and the next call goes on from there (after a wrong checksum it starts anew).
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    target = folder / file.name
+    _check_room(file, folder)
+    resuming: Any = _Resuming(file, target, progress, pause_s)  # called by place, as pooch calls it
+    try:
+        pooch.get_logger().setLevel("ERROR")
+        pooch.retrieve(file.url, file.checksum or None, fname=file.name, path=folder, downloader=resuming)
+    except ValueError as error:  # pooch's word for a wrong checksum
+        raise PumpsError(
+            f"{file.name} is not what its checksum says ({file.checksum}; stated by {file.checksum_from}).",
+            "Run the command again to download it anew; if it stays so, the publisher has changed the file.",
+        ) from error
+    except OSError as error:
+        raise PumpsError(f"{target} cannot be written: {error.strerror or error}.") from error
+    return target
+
+
+def _check_room(file: DataFile, folder: Path) -> None:
+    free = shutil.disk_usage(folder).free
+    if file.bytes > free:
+        raise PumpsError(
+            f"{file.name} has {file.bytes / 1e6:.0f} MB, and {folder} has {free / 1e6:.0f} MB left.",
+            "Make room, or choose another folder with -o.",
+        )
+
+
+class _Resuming:
+    """A downloader in pooch's sense: called with the URL and the file to write."""
+
+    def __init__(self, file: DataFile, target: Path, progress: Progress, pause_s: float):
+        self.file, self.progress, self.pause_s = file, progress, pause_s
+        self.part = target.with_name(target.name + ".part")
+        self.mark = target.with_name(target.name + ".part.mark")
+
+    def __call__(self, url: str, output_file: str, _pooch: object, check_only: bool = False) -> bool | None:
+        if check_only:
+            return None
+        self.progress.start(f"downloading {self.file.name}", self.file.bytes or None)
+        self.progress.advance(self._size())
+        failures = 0
+        while True:
+            before = self._size()
+            try:
+                self._go_on(url)
+                break
+            except _Changed:
+                self._forget()
+                failures += 1
+            except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
+                failures = 1 if self._size() > before else failures + 1
+                if failures >= _TRIES:
+                    raise PumpsError(
+                        f"{self.file.name} could not be downloaded: the connection to {url} broke {failures} times.",
+                        f"{self._size() / 1e6:.1f} MB are kept; run the command again to go on.",
+                    ) from error
+                time.sleep(self.pause_s * 2 ** (failures - 1))
+            if failures >= _TRIES:
+                raise PumpsError(f"{self.file.name} changes on the server while it is downloaded.")
+        shutil.move(self.part, output_file)
+        self.mark.unlink(missing_ok=True)
+        return None
+
+    def _size(self) -> int:
+        return self.part.stat().st_size if self.part.exists() else 0
+
+    def _forget(self) -> None:
+        self.part.unlink(missing_ok=True)
+        self.mark.unlink(missing_ok=True)
+
+    def _go_on(self, url: str) -> None:
+        """Ask for what is missing and append it. Raises requests' exceptions where the connection breaks."""
+        have = self._size()
+        version = self.mark.read_text() if self.mark.exists() else ""
+        if have and not version:
+            self._forget()  # nobody can say of which version this is
+            have = 0
+        headers = {"Accept-Encoding": "identity"}
+        if have:
+            headers |= {"Range": f"bytes={have}-", "If-Range": version}
+        with requests.get(url, headers=headers, stream=True, timeout=_PATIENCE_S) as answer:
+            if have and answer.status_code == 416:
+                raise _Changed  # nothing is left there, yet the file was not finished
+            if answer.status_code not in (200, 206):
+                raise PumpsError(
+                    f"{url} answers {answer.status_code} {answer.reason}.",
+                    "Try again later, or download the file by hand from the data set's home page.",
+                )
+            if answer.status_code == 206 and not answer.headers.get("Content-Range", "").startswith(f"bytes {have}-"):
+                raise _Changed
+            if answer.status_code == 200 and have:
+                self._forget()
+                have = 0
+            self.mark.write_text(answer.headers.get("ETag") or answer.headers.get("Last-Modified") or "")
+            expected = have + int(answer.headers.get("Content-Length") or 0)
+            self._append(answer, expected)
+
+    def _append(self, answer: requests.Response, expected: int) -> None:
+        most = self.file.bytes or _MOST_UNSTATED
+        with self.part.open("ab") as part:
+            for block in answer.iter_content(_BLOCK):
+                part.write(block)
+                self.progress.advance(len(block))
+                if part.tell() > most:
+                    part.close()
+                    self._forget()
+                    raise PumpsError(
+                        f"{self.file.name} should have {most:,} bytes, and the server sends more.",
+                        "The publisher has changed the file; see the data set's home page.",
+                    )
+            if part.tell() < expected:
+                raise requests.ConnectionError("the connection closed before the end")

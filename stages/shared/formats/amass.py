@@ -1,0 +1,181 @@
+"""AMASS' .npz: SMPL, SMPL-H and SMPL-X pose vectors, in the old layout and the new; Z up, metres."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data_schemas.errors import InputError
+from stages.shared.formats.arrays import read_arrays
+from stages.shared.formats.figure import Poses, Rig
+from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
+from stages.shared.formats.smpl import GENDERS, LAYOUTS, RestJoints, neutral_joints, parents_of, subject_joints
+
+_RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
+_Place = tuple[float, float, float]
+_PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")
+_RIG = ("joint_names", "parents", "offsets")
+_WANTED = ("poses", "trans", "gender", "betas", *_RATES, *_PARTS, *_RIG, "ends")
+_BLOCK = 4096  # frames
+_LAYOUT_OF = {3 * len(names): layout for layout, names in LAYOUTS.items()}
+
+
+def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
+    """The clip of an AMASS file. Raises InputError naming the file and the key."""
+    arrays, pickled = read_arrays(data, name, _WANTED)
+    vectors = _pose_vectors(arrays, name)
+    frames = len(vectors)
+    own = _own_rig(arrays, name, vectors.shape[1])
+    layout = _LAYOUT_OF.get(vectors.shape[1])
+    if own is None and layout is None:
+        widths = ", ".join(f"{width} ({kind})" for width, kind in sorted(_LAYOUT_OF.items()))
+        raise InputError(f"{name}: its poses are {vectors.shape[1]} wide, and there are {widths}.")
+    notes: list[str] = []
+    trans = _numbers(arrays, "trans", name)
+    if trans is None:
+        notes.append("It has no trans; the pelvis stays where it is.")
+        trans = np.zeros((frames, 3))
+    if trans.shape != (frames, 3):
+        raise InputError(f"{name}: trans has the shape {trans.shape}, expected {(frames, 3)}.")
+    if own is not None:
+        rig, pelvis, remarks = own, (0.0, 0.0, 0.0), []
+    else:
+        assert layout is not None
+        rest, remarks = _rest_joints(arrays, pickled, name, layout, asked)
+        ends = ((0.0, 0.0, 0.0),) * len(rest.offsets)
+        rig, pelvis = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ends), rest.pelvis
+    check_room(name, len(data), frames, len(rig.names))
+    # The model turns about the pelvis where it stands at rest, then moves by trans.
+    poses = Poses(_quaternions(vectors), trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
+    return [recording_of(name, rig, poses, asked, notes=notes, remarks=remarks)]
+
+
+def _rig(
+    names: tuple[str, ...], parents: tuple[int, ...], offsets: tuple[_Place, ...], ends: tuple[_Place, ...]
+) -> Rig:
+    placed = tuple(joint == 0 for joint in range(len(names)))
+    return Rig(names, parents, offsets, ends, placed, unit_m=1.0, up_axis="z")
+
+
+def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None:
+    """The rig of an AMASS-like file that brings its own (`stages.shared.formats.amass_write`); None for SMPL's.
+
+    Raises: InputError where what it says of its joints does not fit its poses.
+    """
+    if not all(key in arrays for key in _RIG):
+        return None
+    names = tuple(str(joint) for joint in arrays["joint_names"].reshape(-1).tolist())
+    if names == LAYOUTS.get(_LAYOUT_OF.get(width, "")):
+        return None
+    joints = len(names)
+    offsets, ends = _numbers(arrays, "offsets", name), _numbers(arrays, "ends", name)
+    ends = np.zeros((joints, 3)) if ends is None else ends
+    parents = arrays["parents"]
+    sizes = (width, None if offsets is None else offsets.shape, ends.shape, parents.shape)
+    if sizes != (3 * joints, (joints, 3), (joints, 3), (joints,)) or parents.dtype.kind not in "iu" or joints == 0:
+        raise InputError(f"{name}: joint_names, parents, offsets and poses are not of the same joints.")
+    if joints > MAX_JOINTS or parents[0] != -1 or ((parents[1:] < 0) | (parents[1:] >= np.arange(1, joints))).any():
+        raise InputError(f"{name}: parents are no tree in which the parent comes first.")
+    assert offsets is not None
+    return _rig(names, tuple(parents.tolist()), _places(offsets), _places(ends))
+
+
+def _places(rows: np.ndarray) -> tuple[_Place, ...]:
+    return tuple((x, y, z) for x, y, z in rows.tolist())
+
+
+def _quaternions(vectors: np.ndarray) -> np.ndarray:
+    """(T, J, 4) float32 of rotation vectors (T, 3 J), some frames at a time."""
+    out = np.empty((len(vectors), vectors.shape[1] // 3, 4), np.float32)
+    for start in range(0, len(vectors), _BLOCK):
+        block = vectors[start : start + _BLOCK].astype(np.float64)
+        out[start : start + _BLOCK] = Rotation.from_rotvec(block.reshape(-1, 3)).as_quat().reshape(len(block), -1, 4)
+    return out
+
+
+def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """(T, 3 J) rotation vectors, root first."""
+    vectors = _numbers(arrays, "poses", name)
+    if vectors is None:
+        parts = [part for key in _PARTS if (part := _numbers(arrays, key, name)) is not None]
+        if "root_orient" not in arrays or "pose_body" not in arrays:
+            raise InputError(
+                f"{name} has neither poses nor root_orient and pose_body.", "Is this an AMASS recording?"
+            )
+        if not all(part.ndim > 1 and part.size for part in parts):
+            raise InputError(f"{name}: a part of the pose has no frames or no numbers.")
+        parts = [part.reshape(len(part), -1) for part in parts]
+        if len({len(part) for part in parts}) > 1:
+            raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
+        vectors = np.concatenate(parts, axis=1)
+    if vectors.ndim == 3 and vectors.size:
+        vectors = vectors.reshape(len(vectors), -1)
+    if vectors.ndim != 2 or len(vectors) == 0:
+        raise InputError(f"{name}: its poses have the shape {vectors.shape}, expected frames by numbers.")
+    return vectors
+
+
+def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray | None:
+    """An array of finite numbers as floats, None where it is not there. Raises InputError where it is none."""
+    array = arrays.get(key)
+    if array is None:
+        return None
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{name}: {key} holds no numbers.")
+    values = array if array.dtype in (np.float32, np.float64) else array.astype(np.float32)
+    finite = np.isfinite(values)
+    if not finite.all():
+        where = f" in frame {np.argwhere(~finite)[0][0]}" if values.ndim > 1 else ""
+        raise InputError(f"{name}: {key} is not finite{where}.")
+    if values.size and max(values.max(), -values.min()) > 1e6:
+        raise InputError(f"{name}: {key} holds {max(values.max(), -values.min()):.3g}, which is no angle or place.")
+    return values
+
+
+def _rate(arrays: dict[str, np.ndarray], name: str) -> float:
+    for key in _RATES:
+        values = _numbers(arrays, key, name)
+        if values is not None and values.size == 1:
+            fps = float(values.reshape(-1)[0])
+            if 0.1 <= fps <= 10_000:
+                return fps
+            raise InputError(f"{name}: {key} is {fps:g} frames a second.", "Give the true rate with --fps-override.")
+    raise InputError(f"{name} has no mocap_framerate.", "Give the rate with --fps-override '*=120'.")
+
+
+def _rest_joints(
+    arrays: dict[str, np.ndarray], pickled: list[str], name: str, layout: str, asked: Asked
+) -> tuple[RestJoints, list[str]]:
+    """The skeleton, and what was taken for granted for it."""
+    if asked.body_models is None:
+        return neutral_joints(layout), ["Its joints are those of a neutral figure: no --body-models were given."]
+    remarks = []
+    gender = _gender(arrays)
+    if gender is None:
+        gender = "neutral"
+        remarks.append(
+            "Its gender is not told" + (" (pickled)" if "gender" in pickled else "") + "; neutral is taken."
+        )
+    betas = _numbers(arrays, "betas", name)
+    if betas is None:
+        betas = np.zeros(0)
+        remarks.append("It has no betas; the model's mean body is taken.")
+    if betas.ndim == 2:
+        betas = betas.mean(axis=0)  # one set a frame, all alike
+    if betas.ndim != 1:
+        raise InputError(f"{name}: betas has the shape {betas.shape}, expected one row.")
+    try:
+        return subject_joints(asked.body_models, layout, gender, betas), remarks
+    except InputError as error:
+        raise InputError(f"{name}: {error.message}", error.hint) from None
+
+
+def _gender(arrays: dict[str, np.ndarray]) -> str | None:
+    """ "male", "female" or "neutral", however it is spelt: text, bytes, text of bytes ("b'male'"), a letter."""
+    array = arrays.get("gender")
+    if array is None or array.dtype.kind not in "SU" or array.size != 1:
+        return None
+    word = array.reshape(-1)[0]
+    text = word.decode("latin-1") if isinstance(word, bytes) else str(word)
+    text = text.strip().lower().removeprefix("b'").removesuffix("'")
+    return next((gender for gender in GENDERS if text and gender.startswith(text)), None)

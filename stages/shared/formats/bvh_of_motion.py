@@ -1,0 +1,30 @@
+"""A motion as a BVH file, with the header that its skeleton carries."""
+
+from __future__ import annotations
+
+from data_schemas.errors import InputError
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.formats.bvh import BvhFile, read_bvh
+from stages.shared.formats.bvh_header import HeaderFault, parse_header
+from stages.shared.formats.bvh_rows import values_of
+from stages.shared.formats.bvh_write import DECIMALS, write_bvh
+
+
+def template_of(header: str, fps: float, name: str) -> BvhFile:
+    """A BVH with this header and one row of zeros. Raises InputError where the header is none."""
+    try:
+        columns = sum(len(joint.channels) for joint in parse_header(header))
+    except HeaderFault as fault:
+        raise InputError(f"The skeleton of {name} carries no header of a BVH: {fault.message}.") from None
+    newline = "\r\n" if "\r\n" in header else "\n"
+    rows = ["MOTION", "Frames: 1", f"Frame Time: {1 / fps:.7f}", " ".join(["0"] * columns), ""]
+    return read_bvh((header + newline.join(rows)).encode(), name)
+
+
+def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: int = DECIMALS) -> bytes:
+    """The bytes of a BVH of a motion, in the unit and axes that its skeleton came in.
+
+    Raises: InputError where the skeleton carries no header.
+    """
+    template = template_of(skeleton.header, motion.fps, name)
+    return write_bvh(template, values_of(template, skeleton, motion), decimals=decimals)

@@ -1,0 +1,124 @@
+"""The columns of a BVH's rows: what each means, rows to rotations, and poses back to rows in the file's own terms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.formats import euler
+from stages.shared.formats.bvh import BvhFile
+from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
+from stages.shared.humanoid.reference_pose import turn_to_y_up
+
+_LONG_FRAMES = 1000
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which columns of a row mean what.
+
+    rotations: for every channel order that occurs ("ZXY"): joints (n,) and columns (n, len(order)).
+    position_joints, position_axes, position_columns: (M,) each, one entry a position channel.
+    """
+
+    rotations: tuple[tuple[str, np.ndarray, np.ndarray], ...]
+    position_joints: np.ndarray
+    position_axes: np.ndarray
+    position_columns: np.ndarray
+
+    def positions_of(self, joint: int) -> tuple[np.ndarray, np.ndarray]:
+        """Axes (0 to 2) and columns of a joint's position channels."""
+        mine = self.position_joints == joint
+        return self.position_axes[mine], self.position_columns[mine]
+
+
+@lru_cache(maxsize=64)
+def layout_of(joints: tuple[BvhJoint, ...]) -> Layout:
+    """The layout of the rows that belong to these joints."""
+    orders: dict[str, tuple[list[int], list[list[int]]]] = {}
+    positions: list[tuple[int, int, int]] = []
+    for index, joint in enumerate(joints):
+        turning = [(c, joint.first_channel + i) for i, c in enumerate(joint.channels) if c not in POSITION_CHANNELS]
+        order = "".join(channel[0] for channel, _ in turning)
+        indices, columns = orders.setdefault(order, ([], []))
+        indices.append(index)
+        columns.append([column for _, column in turning])
+        for i, channel in enumerate(joint.channels):
+            if channel in POSITION_CHANNELS:
+                positions.append((index, POSITION_CHANNELS.index(channel), joint.first_channel + i))
+    found = np.array(positions, np.int64).reshape(-1, 3)
+    return Layout(
+        tuple((order, np.array(js), np.array(cs, np.int64)) for order, (js, cs) in orders.items()),
+        *(found[:, i] for i in range(3)),
+    )
+
+
+def local_quaternions(joints: tuple[BvhJoint, ...], values: np.ndarray) -> np.ndarray:
+    """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C).
+
+    In memory the components lie apart and time runs fastest, since everything done with them runs along time.
+    """
+    channels = np.ascontiguousarray(values.T)
+    parts = np.empty((4, len(joints), len(values)))
+    for order, indices, columns in layout_of(joints).rotations:
+        # Short clips: all joints of an order at once, few calls. Long ones: joint by joint, which stays in the cache
+        # and leaves out channels that never turn.
+        together = [slice(None)] if len(values) < _LONG_FRAMES else range(len(indices))
+        for some in together:
+            parts[:, indices[some]] = euler.quaternion_parts(np.moveaxis(channels[columns[some]], -2, 0), order)
+    return parts.transpose(2, 1, 0)
+
+
+def values_of(bvh: BvhFile, skeleton: Skeleton, motion: Motion, near: np.ndarray | None = None) -> np.ndarray:
+    """Rows (T, C) float64 of a motion in the file's own unit, axes and channel orders: the inverse of `motion_of`.
+
+    Args:
+        bvh: the file that the motion's skeleton was read from (only its joints are used).
+        motion: T frames on that skeleton.
+        near: (T, C) rows to stay near to, choosing among equal Euler angles; where a row is NaN, or without `near`,
+            the row before is the guide, so that curves never jump. Position channels of joints without a track take
+            `near`'s value where there is one, else the skeleton's offset.
+    """
+    frames, columns = motion.frames, sum(len(joint.channels) for joint in bvh.joints)
+    guide = np.full((frames, columns), np.nan) if near is None else near
+    rotations = motion.rotations.astype(np.float64)
+    roots = motion.root_positions.astype(np.float64)
+    turn = turn_to_y_up(skeleton.up_axis)
+    if turn is not None:
+        rotations = euler.multiply(turn.inv().as_quat(), rotations)
+        roots = turn.inv().apply(roots)
+    local = rotations.copy()
+    inverse = rotations[:, skeleton.parents[1:]] * np.array([-1.0, -1.0, -1.0, 1.0])
+    local[:, 1:] = euler.multiply(inverse, rotations[:, 1:])
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    out = np.empty((frames, columns))
+    for order, indices, columns in layout_of(bvh.joints).rotations:
+        for joint, at in zip(indices, columns, strict=True):
+            if order:
+                out[:, at] = euler.angles_near(local[:, joint], order, guide[:, at])
+    _fill_positions(out, bvh.joints, skeleton, motion, roots, guide)
+    return out
+
+
+def _fill_positions(
+    out: np.ndarray,
+    joints: tuple[BvhJoint, ...],
+    skeleton: Skeleton,
+    motion: Motion,
+    roots: np.ndarray,
+    guide: np.ndarray,
+) -> None:
+    layout = layout_of(joints)
+    tracked = {int(joint): i for i, joint in enumerate(motion.track_joints)}
+    for index in np.unique(layout.position_joints):
+        axes, columns = layout.positions_of(index)
+        if index == 0:
+            out[:, columns] = roots[:, axes] / skeleton.unit_m
+        elif int(index) in tracked:
+            out[:, columns] = motion.tracks[:, tracked[int(index)]][:, axes].astype(np.float64) / skeleton.unit_m
+        else:
+            still = skeleton.offsets[index][axes] / skeleton.unit_m
+            out[:, columns] = np.where(np.isfinite(guide[:, columns]), guide[:, columns], still)

@@ -1,0 +1,66 @@
+"""Writing a BVH back: the header word for word, chosen rows byte for byte, the others as numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from data_schemas.errors import PumpsError
+from stages.shared.formats.bvh import BvhFile
+
+DECIMALS = 6
+_FRAME_TIME_LINE = re.compile(r"(Frame[ \t]+Time[ \t]*:?[ \t]*)\S+", re.IGNORECASE)
+_FRAMES_LINE = re.compile(r"(Frames[ \t]*:?[ \t]*)\d+", re.IGNORECASE)
+
+
+def write_bvh(
+    bvh: BvhFile,
+    values: np.ndarray,
+    verbatim_rows: Mapping[int, int] | None = None,
+    frame_count: int | None = None,
+    *,
+    frame_time: float | None = None,
+    decimals: int = DECIMALS,
+) -> bytes:
+    """The bytes of a BVH with the header of another one.
+
+    Args:
+        bvh: where header, Frames and Frame Time lines, newline and verbatim rows come from.
+        values: (T, C) in the file's unit and degrees; rows that are verbatim are not looked at.
+        verbatim_rows: frame to write -> row of `bvh` to copy byte for byte.
+        frame_count: how many rows to write, T unless given. The Frames line changes only if it says another count
+            and the count is not that of `bvh` as it was found (a file whose own count is one off keeps it).
+        frame_time: seconds, for rows of another rate than the file's; None leaves that line as it is.
+    Raises: PumpsError where a value is not finite or the shapes do not fit.
+    """
+    copied = verbatim_rows or {}
+    count = len(values) if frame_count is None else frame_count
+    columns = sum(len(joint.channels) for joint in bvh.joints)
+    if values.shape != (count, columns):
+        raise PumpsError(f"{bvh.name}: rows of shape {values.shape} were to be written, expected {(count, columns)}.")
+    made = [frame for frame in range(count) if frame not in copied]
+    if not np.isfinite(values[made]).all():
+        raise PumpsError(f"{bvh.name}: a value to write is not finite.")
+    head = bvh.motion_head
+    if count != bvh.frames:
+        head = _FRAMES_LINE.sub(lambda match: f"{match[1]}{count}", head, count=1)
+    if frame_time is not None:
+        head = _FRAME_TIME_LINE.sub(lambda match: f"{match[1]}{frame_time:.9g}", head, count=1)
+    text = format_rows(values[made], decimals)
+    rows: list[bytes] = [b""] * count
+    for frame, row in zip(made, text, strict=True):
+        rows[frame] = row
+    for frame, row in copied.items():
+        if frame < count:
+            rows[frame] = bvh.rows[row]
+    newline = bvh.newline.encode()
+    return bvh.header.encode(bvh.encoding) + head.encode(bvh.encoding) + newline.join(rows) + newline
+
+
+def format_rows(values: np.ndarray, decimals: int = DECIMALS) -> list[bytes]:
+    """Rows (T, C) as text with so many decimals."""
+    pattern = " ".join([f"%.{decimals}f"] * values.shape[1])
+    rounded = np.round(values, decimals) + 0.0  # + 0.0 turns -0.0 into 0.0
+    return [(pattern % tuple(row)).encode() for row in rounded.tolist()]

@@ -1,0 +1,342 @@
+"""A figure in motion, as any reader found it, to a Skeleton and a Motion: parts, unit, up axis, sides, tails, trim.
+
+Readers give joints, local rotations and places in the source's own unit and axes; what comes out is Y up, metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data_schemas.errors import InputError
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.formats import euler
+from stages.shared.formats.skeleton_map import SkeletonMap, choose_map, parts_of_map
+from stages.shared.humanoid import reference_pose
+from stages.shared.humanoid.body_groups import BodyParts, find_body_parts
+from stages.shared.humanoid.facing import BodyPoses, bone_tips, find_sides, stands_on_four_feet
+from stages.shared.humanoid.joint_names import has_a_tail
+
+_GUIDE_FRAMES = 16
+_TRIM_LOOKAHEAD = 32
+_SIDES_SPACING_S = 0.2
+_SIDES_FRAMES = 300
+_CLEAR_BALANCE = 0.25
+_BLOCK = 4096  # frames
+_JUMP_M = 0.25  # between two frames; a joint of a living body stays below
+
+_Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The joints of a source, in its own unit and axes; plain tuples, so that files of one rig share what is found.
+
+    names, parents: J joints, parents before children, -1 for joint 0.
+    offsets:   J heads in the parents' frames at rest.
+    end_sites: J places in the joints' own frames where a leaf ends; zeros where nothing says so.
+    placed:    J flags, True where the source gives the joint's place in every frame.
+    unit_m:    metres in one unit where the format tells it, None to find it from the stature.
+    up_axis:   "y" or "z" where the format tells it, None to find it from the pose.
+    maps:      the user's skeleton maps; the one that fits these joints has the last word.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: tuple[_Place, ...]
+    end_sites: tuple[_Place, ...]
+    placed: tuple[bool, ...]
+    unit_m: float | None = None
+    up_axis: str | None = None
+    maps: tuple[SkeletonMap, ...] = ()
+
+
+@dataclass(frozen=True)
+class Poses:
+    """What T frames say, in the rig's unit and axes.
+
+    local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32. root: (T, 3) joint 0 in the world.
+    moving: joints below joint 0 whose place in the parent's frame varies; tracks: (T, K, 3) of them.
+    """
+
+    local: np.ndarray
+    root: np.ndarray
+    fps: float
+    moving: Sequence[int] = ()
+    tracks: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 3)))
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a rig tells of the figure, in the source's unit and axes.
+
+    offsets: (J, 3) heads in the parents' frames, joint 0 zeros; rest: (J, 3) joints at zero rotations.
+    told: (J,) bool, False where a tail is only a guess, since neither a child nor an End Site tells it.
+    mapped: True where the user's skeleton map told the parts.
+    """
+
+    names: tuple[str, ...]
+    parents: np.ndarray
+    offsets: np.ndarray
+    rest: np.ndarray
+    tails: np.ndarray
+    told: np.ndarray
+    on_chain: np.ndarray
+    parts: BodyParts
+    unit_m: float
+    unit_note: str | None
+    up_axis: str | None = None
+    mapped: bool = False
+
+
+@lru_cache(maxsize=64)
+def body_of(rig: Rig) -> Body:
+    """The figure that a rig is of. Raises InputError where it is no humanoid's, or a skeleton map does not fit."""
+    given = choose_map(rig.maps, rig.names)
+    parents = np.array(rig.parents, np.int32)
+    offsets = np.array(rig.offsets, np.float64)
+    end_sites = np.array(rig.end_sites, np.float64)
+    if given is not None:
+        parts = parts_of_map(given, rig.names, parents)
+    else:
+        parts = find_body_parts(rig.names, parents, offsets, np.linalg.norm(end_sites, axis=1))
+    offsets[0] = 0.0
+    # What lies above the pelvis places the figure in the world and is no part of the figure.
+    for joint in (parts.pelvis, *ancestors(parents, parts.pelvis)):
+        if rig.placed[joint]:
+            offsets[joint] = 0.0
+    unit_m, note = (given and given.unit_m) or rig.unit_m, None
+    if unit_m is None:
+        unit_m, note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
+    leaf = reference_pose.LEAF_LENGTH_M / unit_m
+    tails, on_chain = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, leaf)
+    known, _ = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, 0.0)
+    told = np.linalg.norm(known, axis=1) > 0
+    rest = np.zeros_like(offsets)
+    for joint in range(1, len(parents)):
+        rest[joint] = rest[parents[joint]] + offsets[joint]
+    up_axis = (given and given.up_axis) or rig.up_axis
+    return Body(
+        rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, note, up_axis, given is not None
+    )
+
+
+def ancestors(parents: np.ndarray, joint: int) -> list[int]:
+    """The joints above a joint, from its parent up to joint 0."""
+    above = []
+    while parents[joint] >= 0:
+        joint = int(parents[joint])
+        above.append(joint)
+    return above
+
+
+def motion_of_poses(
+    body: Body,
+    poses: Poses,
+    *,
+    header: str = "",
+    up_axis: str | None = None,
+    rest_frame: int | None = None,
+    trim_first: str | int = 0,
+) -> tuple[Skeleton, Motion, list[str]]:
+    """The skeleton and the motion of a figure, Y up, metres.
+
+    Args:
+        header: kept in the skeleton, for writing the file back.
+        up_axis: the source's where the body does not say it, None to find it from the pose.
+        rest_frame: a frame in which the figure stands upright, to find up axis and sides by.
+        trim_first: frames to drop at the start, or "auto": those of a calibration pose far from what follows.
+    Returns: skeleton, motion (global float32 rotations), notes on what was found odd, one sentence each.
+    Raises: InputError where an argument is out of range.
+    """
+    notes: list[str] = []
+    frames = len(poses.local)
+    if rest_frame is not None and not 0 <= rest_frame < frames:
+        raise InputError(f"Rest frame {rest_frame} is outside of its frames 0 to {frames - 1}.")
+    # Short clips are chained once; of long ones a block at a time, which is all the room that their chains take.
+    whole = _chain(poses.local, body.parents) if frames <= _BLOCK else None
+
+    def rotations_at(index: np.ndarray) -> np.ndarray:
+        return _chain(poses.local[index], body.parents) if whole is None else whole[index]
+
+    guides = _guide_frames(frames) if rest_frame is None else np.array([rest_frame])
+    opening = np.arange(min(_TRIM_LOOKAHEAD, frames))
+    looked_at = np.concatenate([opening, guides])
+    world = _world_positions(
+        body.offsets, poses.root[looked_at], poses.moving, poses.tracks[looked_at] if len(poses.moving) else None,
+        rotations_at(looked_at), body.parents,
+    )  # fmt: skip
+    world, opening_world = world[len(opening) :], world[: len(opening)] * body.unit_m
+    parts = body.parts
+    up_axis = body.up_axis or up_axis or reference_pose.find_up_axis(body.rest, world, parts)
+    turn = reference_pose.turn_to_y_up(up_axis)
+    doubtful = not parts.sided or (has_a_tail(body.names) and not body.mapped)
+    if doubtful and stands_on_four_feet(world, body.rest, parts):
+        raise InputError(
+            "The skeleton is no humanoid that can be recognised: it has four legs, its trunk lies across them.",
+            "If it is one, say which joints are its limbs with --skeleton-map.",
+        )
+    if not parts.sided:
+        parts, facing = find_sides(_body_poses(body, poses, rotations_at, rest_frame), parts)
+        doubt = "" if abs(facing.balance) > _CLEAR_BALANCE else ", which is hardly clear about them"
+        notes.append(f"Joint names tell no sides; left and right were found from the pose{doubt}.")
+    if body.unit_note:
+        notes.append(f"No unit is certain: {body.unit_note}.")
+    skeleton = _skeleton(header, body, parts, up_axis)
+    roots = poses.root * body.unit_m
+    if turn is not None:
+        roots = turn.apply(roots)
+    tracks = poses.tracks * body.unit_m if len(poses.moving) else np.zeros((frames, 0, 3))
+    motion = Motion(
+        rotations=_upright(poses.local, body.parents, turn, whole),
+        root_positions=roots.astype(np.float32),
+        fps=poses.fps,
+        track_joints=np.array(poses.moving, np.int32),
+        tracks=tracks.astype(np.float32),
+    )
+    drop = _frames_to_trim(motion.frames, opening_world[:, skeleton.sampled], trim_first)
+    if drop:
+        why = ": a calibration pose and what swings in from it" if str(trim_first) == "auto" else ""
+        notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
+        motion = motion.at(slice(drop, None))
+    return skeleton, motion, notes
+
+
+def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whole: np.ndarray | None) -> np.ndarray:
+    """(T, J, 4) float32 global rotations, turned to Y up, sign-continuous; `whole` where they are chained already."""
+    out = np.empty(local.shape, np.float32)
+    for start in range(0, len(local), _BLOCK):
+        block = _chain(local[start : start + _BLOCK], parents) if whole is None else whole
+        if turn is not None:
+            block = euler.multiply(turn.as_quat(), block)
+        block = _continuous(block)
+        if start:
+            block *= np.where((block[0] * out[start - 1]).sum(axis=-1, keepdims=True) < 0, -1.0, 1.0)
+        out[start : start + len(block)] = block
+    return out
+
+
+def _body_poses(
+    body: Body, poses: Poses, rotations_at: Callable[[np.ndarray], np.ndarray], rest_frame: int | None
+) -> BodyPoses:
+    """Joints and bone ends in up to a few hundred frames, a fraction of a second apart, to find the sides by."""
+    frames = len(poses.local)
+    step = max(1, round(_SIDES_SPACING_S * poses.fps), -(-frames // _SIDES_FRAMES))
+    # The first frame may be a calibration pose.
+    seen = np.arange(min(1, frames - 1), frames, step) if rest_frame is None else np.array([rest_frame])
+    tracks = poses.tracks[seen] if len(poses.moving) else None
+    rotations = rotations_at(seen)
+    heads = _world_positions(body.offsets, poses.root[seen], poses.moving, tracks, rotations, body.parents)
+    return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.told), step / poses.fps)
+
+
+def _skeleton(header: str, body: Body, parts: BodyParts, up_axis: str) -> Skeleton:
+    tails = body.tails * body.unit_m
+    visible = body.on_chain & (np.linalg.norm(tails, axis=1) > reference_pose.SHORTEST_BONE_M)
+    return Skeleton(
+        names=body.names,
+        parents=body.parents,
+        offsets=body.offsets * body.unit_m,
+        tails=tails,
+        groups=parts.groups.astype(np.int8),
+        sampled=visible & (parts.groups >= 0),
+        root=parts.pelvis,
+        unit_m=body.unit_m,
+        up_axis=up_axis,
+        header=header,
+    )
+
+
+def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Global rotations (T, J, 4) float64 of local ones, one depth of the tree at a time."""
+    parts = local.astype(np.float64, copy=False).transpose(2, 1, 0)
+    out = parts.copy()
+    for level in _levels(parents.tobytes()):
+        out[:, level] = euler.multiply_parts(out[:, parents[level]], parts[:, level])
+    return out.transpose(2, 1, 0)
+
+
+@lru_cache(maxsize=64)
+def _levels(parents_bytes: bytes) -> list[np.ndarray]:
+    """Joints below joint 0 by their depth, parents before children."""
+    parents = np.frombuffer(parents_bytes, np.int32)
+    depth = np.zeros(len(parents), int)
+    for joint in range(1, len(parents)):
+        depth[joint] = depth[parents[joint]] + 1
+    return [np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1)]
+
+
+def places_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
+    """(T, J, 3) float64 joint heads in the world, metres, without loading torch as the floors above do."""
+    return _world_positions(
+        skeleton.offsets, motion.root_positions, motion.track_joints.tolist(), motion.tracks,
+        motion.rotations.astype(np.float64), skeleton.parents,
+    )  # fmt: skip
+
+
+def local_rotations_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
+    """(T, J, 4) float64 unit rotations in the parents' frames, xyzw, continuous in sign; joint 0's in the world."""
+    rotations = motion.rotations.astype(np.float64)
+    local = rotations.copy()
+    inverse = rotations[:, skeleton.parents[1:]] * (-1.0, -1.0, -1.0, 1.0)
+    local[:, 1:] = euler.multiply(inverse, rotations[:, 1:])
+    return _continuous(local / np.linalg.norm(local, axis=-1, keepdims=True))
+
+
+def _world_positions(
+    offsets: np.ndarray,
+    root: np.ndarray,
+    moving: Sequence[int],
+    tracks: np.ndarray | None,
+    rotations: np.ndarray,
+    parents: np.ndarray,
+) -> np.ndarray:
+    """(F, J, 3) joint heads in the world, in the offsets' unit and axes."""
+    out = np.zeros((len(rotations), len(parents), 3))
+    steps = np.tile(offsets, (len(rotations), 1, 1))
+    if len(moving):
+        steps[:, list(moving)] = tracks
+    out[:, 0] = root
+    for level in _levels(parents.tobytes()):
+        above = parents[level]
+        out[:, level] = out[:, above] + euler.rotate(rotations[:, above], steps[:, level])
+    return out
+
+
+def _guide_frames(frames: int) -> np.ndarray:
+    """A few frames over the whole clip; not the first, which may be a calibration pose, if there are others."""
+    return np.unique(np.linspace(min(1, frames - 1), frames - 1, _GUIDE_FRAMES).astype(int))
+
+
+def _continuous(rotations: np.ndarray) -> np.ndarray:
+    """Flip signs so that each quaternion lies on the same half as the one before it in time."""
+    parts = rotations.transpose(2, 1, 0)
+    agree = (parts[..., 1:] * parts[..., :-1]).sum(axis=0)
+    flips = np.where(agree < 0, -1.0, 1.0).cumprod(axis=1)
+    parts[..., 1:] *= flips
+    return parts.transpose(2, 1, 0)
+
+
+def _frames_to_trim(frames: int, opening: np.ndarray, trim_first: str | int) -> int:
+    """How many frames to drop; `opening` (F, J, 3) metres are the seen joints in the first frames."""
+    if str(trim_first) != "auto":
+        try:
+            count = int(trim_first)
+        except ValueError:
+            raise InputError(f"Frames to trim must be a number or auto, not '{trim_first}'.") from None
+        if not 0 <= count < frames:
+            raise InputError(f"Cannot trim {count} of its {frames} frames.")
+        return count
+    steps = np.linalg.norm(np.diff(opening, axis=0), axis=-1).max(axis=1)
+    if len(steps) < 8 or steps[0] < _JUMP_M or steps[0] < 2 * steps[1:8].max():
+        return 0
+    # A filter ran over such a jump in many recordings: limbs still swing in from it for a few frames.
+    usual = float(np.median(steps[8:])) if len(steps) > 8 else 0.0
+    count = 1
+    while count < 8 and usual and steps[count] > 3 * usual and steps[count] > 0.02:
+        count += 1
+    return count

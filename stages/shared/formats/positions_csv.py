@@ -1,0 +1,116 @@
+"""A table of joint positions as text: a line of column names (`Hips.x`, `Hips_y`, `Hips:Z`), then a line a frame."""
+
+from __future__ import annotations
+
+import math
+import re
+from array import array
+from collections.abc import Iterator
+
+import numpy as np
+
+from data_schemas.errors import InputError
+from stages.shared.formats.recording import MAX_JOINTS
+
+_AXIS = re.compile(r"^(?P<joint>.+?)[\s._:/-]*\(?(?P<axis>[xyzXYZ])\)?\s*(?:[\[(][^\])]*[\])])?$")
+_TIMES = ("time", "t", "times", "timestamp", "seconds", "time_s", "time (s)", "time [s]")
+_COUNTS = ("frame", "frames", "index", "frame_index", "")
+
+
+def read_csv(data: bytes, name: str) -> tuple[tuple[str, ...], np.ndarray, float | None]:
+    """Names, places (T, J, 3) with NaN for empty cells, and the rate where a column of times tells it.
+
+    Raises: InputError naming the line and the column.
+    """
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    lines = _lines(data)
+    head = next(lines, (1, ""))[1].removeprefix("\ufeff")
+    separator = max((";", "\t", ","), key=head.count)
+    columns = [cell.strip().strip('"') for cell in head.split(separator)]
+    if len(columns) > 3 * MAX_JOINTS + 2:
+        raise InputError(f"{name} has {len(columns)} columns, and {3 * MAX_JOINTS} are the most.")
+    names, order, time = _meaning(columns, name)
+    numbers = array("d")  # grows by what was read; lists of rows would weigh ten times the text
+    for number, line in lines:
+        numbers.extend(_row(line, separator, len(columns), f"{name}, line {number}"))
+    values = np.frombuffer(numbers, np.float64).reshape(-1, len(columns))
+    if not len(values):
+        raise InputError(f"{name} has no rows.")
+    fps = _rate(values[:, time], name) if time is not None and len(values) > 1 else None
+    places = values[:, order].reshape(len(values), len(names), 3)
+    places[~np.isfinite(places)] = np.nan
+    return names, places, fps
+
+
+def _lines(data: bytes) -> Iterator[tuple[int, str]]:
+    """Lines that hold anything, with their numbers from 1."""
+    start, number = 0, 0
+    while start < len(data):
+        end = data.find(b"\n", start)
+        end = len(data) if end < 0 else end
+        number += 1
+        line = data[start:end].decode("utf-8", errors="replace")
+        if line.strip():
+            yield number, line
+        start = end + 1
+
+
+def _meaning(columns: list[str], name: str) -> tuple[tuple[str, ...], list[int], int | None]:
+    """Joints' names, the columns of x, y and z of each, and the column of times."""
+    found: dict[str, dict[str, int]] = {}
+    time = None
+    for index, column in enumerate(columns):
+        match = _AXIS.match(column)
+        if column.lower() in _TIMES:
+            time = index
+        elif match:
+            axes = found.setdefault(match["joint"], {})
+            if match["axis"].lower() in axes:
+                raise InputError(f"{name}, line 1: the column '{column[:60]}' stands twice.")
+            axes[match["axis"].lower()] = index
+        elif column.lower() not in _COUNTS:
+            raise InputError(f"{name}, line 1: '{column[:60]}' is no column of a place, such as Hips.x.")
+    if not found:
+        raise InputError(f"{name}, line 1: there are no columns such as Hips.x.", "Is it a table of joint positions?")
+    for joint, axes in found.items():
+        if set(axes) != set("xyz"):
+            raise InputError(
+                f"{name}, line 1: joint '{joint[:60]}' has {', '.join(sorted(axes))} and needs x, y and z."
+            )
+    return tuple(found), [axes[axis] for axes in found.values() for axis in "xyz"], time
+
+
+def _row(line: str, separator: str, count: int, where: str) -> list[float]:
+    if line.count(separator) != count - 1:
+        raise InputError(f"{where}: {line.count(separator) + 1} cells where there are {count} columns.")
+    if separator == ";":
+        line = line.replace(",", ".")  # as spreadsheets write where commas are decimal points
+    cells = [cell.strip().strip('"') for cell in line.split(separator)]
+    try:
+        return [float(cell) if cell else math.nan for cell in cells]
+    except ValueError:
+        bad = next(cell for cell in cells if cell and not _is_number(cell))
+        raise InputError(f"{where}: '{bad[:40]}' is not a number.") from None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _rate(times: np.ndarray, name: str) -> float:
+    """Frames per second of a column of times in seconds."""
+    steps = np.diff(times)
+    step = float(np.median(steps)) if np.isfinite(steps).all() else float("nan")
+    if not 1e-4 <= step <= 10:
+        raise InputError(
+            f"{name}: its times are no seconds that go up.", "Leave the column out and give --fps-override."
+        )
+    if np.abs(steps - step).max() > 0.5 * step:
+        raise InputError(f"{name}: its times go up unevenly, by {steps.min():g} to {steps.max():g} seconds.")
+    rate = 1.0 / step
+    return float(round(rate)) if abs(rate - round(rate)) < 0.02 * rate / 10 else rate

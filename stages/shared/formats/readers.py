@@ -1,0 +1,201 @@
+"""Every format that is read, in one table: its files, how its content is recognised, the reader, its traps.
+
+Readers are named by strings, so that a run loads only those of the formats that it meets.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING
+
+from data_schemas.errors import InputError
+from stages.shared.formats.sources import Source, beside
+
+if TYPE_CHECKING:
+    from stages.shared.formats.recording import Asked, Recording
+
+_LOOKED_AT = 8192
+_CSV_PLACE = re.compile(rb"[^,;\t\n]*[._: -]?[xyz]\"?[,;\t][^,;\t\n]*[._: -]?[xyz]", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format.
+
+    name:     what `pumps ingest` calls it.
+    suffixes: of its files, lower case. shared: True where files of other kinds often have them too.
+    reader:   "module:function" of (data, name, Asked) -> list of Recording.
+    looks:    whether the start of a file looks like it.
+    rig:      suffix of a skeleton file that lies beside its recordings, or "".
+    reads, traps: for the table in docs/formats.md.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    reader: str
+    looks: Callable[[bytes], bool]
+    reads: str
+    traps: str
+    shared: bool = False
+    rig: str = ""
+
+    def read(self, data: bytes, name: str, asked: Asked) -> list[Recording]:
+        """The clips of a file. Raises InputError naming it."""
+        module, _, function = self.reader.partition(":")
+        return getattr(import_module(module), function)(data, name, asked)
+
+
+def _looks_bvh(start: bytes) -> bool:
+    return b"HIERARCHY" in start.upper()
+
+
+def _looks_amc(start: bytes) -> bool:
+    return re.search(rb"(?mi)^:(fully-specified|degrees|radians)\s*$", start.replace(b"\r", b"\n")) is not None
+
+
+def _looks_amass(start: bytes) -> bool:
+    return False  # an archive's list stands at its end: `recognise` asks for it
+
+
+def _looks_deepmimic(start: bytes) -> bool:
+    return start.lstrip().startswith(b"{") and b'"Frames"' in start
+
+
+def _looks_gltf(start: bytes) -> bool:
+    return start.startswith(b"glTF") or (start.lstrip().startswith(b"{") and b'"asset"' in start)
+
+
+def _looks_positions(start: bytes) -> bool:
+    return start.startswith(b"\x93NUMPY") or _CSV_PLACE.search(start.partition(b"\n")[0]) is not None
+
+
+FORMATS: tuple[Format, ...] = (
+    Format(
+        "bvh", (".bvh",), "stages.shared.formats.bvh_motion:read_bvh_motion", _looks_bvh,
+        "every variant met: any channel order per joint, positions on any joints, namespaces, blanks in names, no end"
+        " sites, tabs, any newline, rows broken over lines",
+        "Unit and up axis are found from the figure. The header's zero pose may be no human pose. Frame times may be"
+        " wrong (`--fps-override`). Two ROOTs in one file are refused.",
+    ),
+    Format(
+        "asf", (".amc",), "stages.shared.formats.amc:read_asf_amc", _looks_amc,
+        "AMC on the ASF of the same folder (of several, the one whose name begins the AMC's) or of `--skeleton`; axis"
+        " per bone, any subset and order of channels, degrees or radians",
+        "Lengths are inches divided by the ASF's `length` (CMU: 0.45). No rate stands in most files: 120 is taken."
+        " Bones' translations and stretching are left out.",
+        rig=".asf",
+    ),
+    Format(
+        "amass", (".npz",), "stages.shared.formats.amass:read_amass", _looks_amass,
+        "SMPL, SMPL-H and SMPL-X poses, old and new layouts (`poses`, or `root_orient`, `pose_body`, ...; either"
+        " spelling of the rate); with `--body-models DIR` the subject's own joints from `betas` and `gender`",
+        "Z up, turned. Without a body model the joints are those of a neutral figure of about 1.7 m, approximate by"
+        " nature. `dmpls` are left out. No pickle is read: body models must be `.npz`.",
+    ),
+    Format(
+        "deepmimic", (".json", ".txt"), "stages.shared.formats.deepmimic:read_deepmimic_motion", _looks_deepmimic,
+        "humanoid3d clips, 44 numbers a frame",
+        "Frames of unequal length are put on an even rate.",
+        shared=True,
+    ),
+    Format(
+        "positions", (".npy", ".npz", ".csv"), "stages.shared.formats.positions:read_positions", _looks_positions,
+        "joint positions (T, J, 3), or columns `Hips.x, Hips.y, Hips.z`; rotations by inverse kinematics",
+        "Names come from the file, a sidecar, or `--skeleton` (a rig, or the name of a known list). Roll about a"
+        " bone is not in positions: it is the least twist. Without a rate 30 is taken.",
+        shared=True, rig=".json",
+    ),
+    Format(
+        "gltf", (".glb", ".gltf"), "stages.shared.formats.gltf_motion:read_gltf", _looks_gltf,
+        "skins with animations, one clip each; linear, step and cubic samplers; buffers inside the file",
+        "Scales that vary or differ by axis are refused, still ones folded into lengths. Buffers in other files"
+        " are not followed.",
+    ),
+)  # fmt: skip
+NAMES = tuple(each.name for each in FORMATS)
+AUTO = "auto"
+_TO_GLB = "Turn it into GLB with Blender: docs/formats.md has the line."
+_FOREIGN = ((b"Kaydara FBX Binary", "FBX", _TO_GLB), (b"; FBX ", "FBX", _TO_GLB), (b"#VRML", "VRML", _TO_GLB))
+
+
+def format_named(name: str) -> Format:
+    """The format with this name. Raises KeyError."""
+    return next(each for each in FORMATS if each.name == name)
+
+
+def suffixes_of(name: str) -> tuple[str, ...]:
+    """Suffixes of the files that `pumps ingest NAME` looks for in folders and archives; all of them for "auto"."""
+    chosen = FORMATS if name == AUTO else (format_named(name),)
+    return tuple(dict.fromkeys(suffix for each in chosen for suffix in each.suffixes))
+
+
+def rig_suffixes() -> tuple[str, ...]:
+    """Suffixes of the skeleton files that lie beside recordings."""
+    return tuple(each.rig for each in FORMATS if each.rig)
+
+
+def recognise(data: bytes, name: str) -> Format | None:
+    """The format of a file by its content; by its suffix where that says it; None where it is no recording.
+
+    Raises: InputError for a format that is known and not read.
+    """
+    start = data[:_LOOKED_AT]
+    for mark, what, hint in _FOREIGN:
+        if start.startswith(mark):
+            raise InputError(f"{name} is {what}, which pumps does not read.", hint)
+    if start.startswith(b"PK"):
+        return _of_arrays(data)
+    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    by_suffix = [each for each in FORMATS if suffix in each.suffixes]
+    for each in (*by_suffix, *FORMATS):
+        if each.looks(start):
+            return each
+    return next((each for each in by_suffix if not each.shared and each.name != "amass"), None)
+
+
+def _of_arrays(data: bytes) -> Format | None:
+    """AMASS or positions by the names of the arrays; AMASS' files of shapes alone are no recordings."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            arrays = {name.removesuffix(".npy") for name in archive.namelist()[:1000]}
+    except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError):
+        return format_named("amass")  # whose reader says what is wrong
+    if "poses" in arrays or {"root_orient", "pose_body"} <= arrays:
+        return format_named("amass")
+    if arrays <= {"betas", "gender", "num_betas", "surface_model_type", "v_template", "labels", "labels_obs"}:
+        return None
+    return format_named("positions")
+
+
+def rig_beside(source: Source, suffix: str) -> Source | None:
+    """The skeleton file of a recording: the one whose name begins the recording's, else the only one in its folder.
+
+    JSON may be anything: there it is the one with the recording's name, or called skeleton.json.
+    """
+    found = beside(source, suffix)
+    stem = PurePosixPath(source.member).stem.lower()
+    stems = {each: PurePosixPath(each.member).stem.lower() for each in found}
+    fitting = [each for each in found if stem.startswith(stems[each])]
+    if suffix == ".json":
+        fitting = [each for each in found if stems[each] in (stem, "skeleton")]
+    elif not fitting and len(found) == 1:
+        fitting = found
+    return max(fitting, key=lambda each: len(stems[each]) + 1000 * (stems[each] == stem), default=None)
+
+
+def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -> list[Recording]:
+    """The clips of a source's bytes; a rig that lies beside it is read where `asked` brings none.
+
+    Raises: InputError naming the file.
+    """
+    if chosen.rig and not asked.rig and not asked.rig_name:
+        rig = rig_beside(source, chosen.rig)
+        if rig is not None:
+            asked = replace(asked, rig=rig.read(), rig_name=rig.name)
+    return chosen.read(data, source.name, asked)

@@ -1,0 +1,238 @@
+"""The user's word on which joints are which part of the body: a TOML file, read, checked against a rig, printed.
+
+unit_m = 0.01                      # metres in one unit of the file; leave out to have it found
+up = "y"                           # or "z"; leave out to have it found
+pelvis = "Hips"                    # topmost joint of the body; leave out for where the chains meet
+outside = ["Sword"]                # with all that hangs on them, no part of the body
+[chains]                           # from the first joint to the last; points are drawn along them
+spine = ["Hips", "Spine", "Head"]  # joints between two that are named are filled in
+left_arm = [...]                   # and right_arm, left_leg, right_leg
+[beside]                           # joints off the chains that belong elsewhere than the joint they hang on
+left_leg = ["Holster"]
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data_schemas.errors import InputError
+from data_schemas.skeleton import BODY_GROUPS, NO_GROUP
+from stages.shared.humanoid.anatomy import RigAnatomy
+from stages.shared.humanoid.body_groups import BodyParts
+from stages.shared.toml import read_toml, toml_text
+
+_KEYS = ("unit_m", "up", "pelvis", "outside", "chains", "beside")
+UP_AXES = ("y", "z")
+
+
+@dataclass(frozen=True)
+class SkeletonMap:
+    """What a map says, joints by name; None or empty where it says nothing.
+
+    chains, beside: a tuple of names for each of BODY_GROUPS. faults: what is wrong with the map itself, a sentence
+    each; they are told together with what does not fit a rig.
+    """
+
+    name: str
+    chains: tuple[tuple[str, ...], ...] = ((),) * 5
+    beside: tuple[tuple[str, ...], ...] = ((),) * 5
+    pelvis: str | None = None
+    outside: tuple[str, ...] = ()
+    unit_m: float | None = None
+    up_axis: str | None = None
+    faults: tuple[str, ...] = ()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Every joint that the map names, once."""
+        named = [joint for chain in (*self.chains, *self.beside, self.outside) for joint in chain]
+        return tuple(dict.fromkeys([*named, *([self.pelvis] if self.pelvis else [])]))
+
+
+def read_skeleton_map(path: Path) -> SkeletonMap:
+    """The map in a file. Its faults are kept for `choose_map`. Raises InputError where it is missing or no TOML."""
+    return map_of_values(read_toml(path, what="skeleton map", option="--skeleton-map"), str(path))
+
+
+def read_skeleton_maps(paths: Sequence[Path]) -> tuple[SkeletonMap, ...]:
+    """Maps for several rigs. Raises InputError for the first one that is faulty in itself."""
+    maps = tuple(read_skeleton_map(path) for path in paths)
+    for each in maps:
+        if each.faults:
+            raise _error(each, each.faults)
+    return maps
+
+
+def unused_maps(maps: Sequence[SkeletonMap], rigs: Iterable[Sequence[str]]) -> list[str]:
+    """A sentence on each map that none of the rigs, given by their joints' names, took."""
+    taken = {chosen.name for names in rigs if (chosen := choose_map(maps, names)) is not None}
+    return [f"{each.name} fits none of the rigs that were read." for each in maps if each.name not in taken]
+
+
+def map_of_values(values: dict[str, Any], name: str) -> SkeletonMap:
+    """The map that plain data tell."""
+    faults = [f"'{key}' is no key; there are {', '.join(_KEYS)}" for key in values if key not in _KEYS]
+    chains = _groups(values.get("chains", {}), "chains", faults)
+    beside = _groups(values.get("beside", {}), "beside", faults)
+    faults += [f"chains.{group} is missing" for group, chain in zip(BODY_GROUPS, chains, strict=True) if not chain]
+    unit, up, pelvis = values.get("unit_m"), values.get("up"), values.get("pelvis")
+    if unit is not None and not (isinstance(unit, (int, float)) and not isinstance(unit, bool) and 0 < unit < 1e6):
+        faults.append(f"unit_m is {unit!r} and must be metres above 0")
+        unit = None
+    if up is not None and up not in UP_AXES:
+        faults.append(f"up is {up!r} and must be {' or '.join(UP_AXES)}")
+        up = None
+    if pelvis is not None and not isinstance(pelvis, str):
+        faults.append("pelvis must be a joint's name")
+        pelvis = None
+    outside = _names(values.get("outside", []), "outside", faults)
+    unit = float(unit) if unit is not None and math.isfinite(unit) else None
+    return SkeletonMap(name, chains, beside, pelvis, outside, unit, up, tuple(faults))
+
+
+def choose_map(maps: Sequence[SkeletonMap], names: Sequence[str], *, must_fit: bool = False) -> SkeletonMap | None:
+    """The first map all of whose joints a rig has; None where each map is of another rig altogether.
+
+    Raises: InputError with all faults at once, where a map is faulty or names only some of the rig's joints, or where
+        `must_fit` and none fits.
+    """
+    known = set(names)
+    for each in maps:
+        unknown = [joint for joint in each.joints if joint not in known]
+        foreign = len(unknown) == len(each.joints)
+        if each.faults or (unknown and (must_fit or not foreign)):
+            raise _error(each, [*each.faults, *(_unknown(joint, names) for joint in unknown)])
+        if not unknown:
+            return each
+    return None
+
+
+def parts_of_map(given: SkeletonMap, names: Sequence[str], parents: np.ndarray) -> BodyParts:
+    """The body parts that a map tells of a rig.
+
+    Raises: InputError with all faults at once where its chains do not run down the rig.
+    """
+    index = {name: joint for joint, name in enumerate(names)}
+    lines = [_line(joint, parents) for joint in range(len(names))]
+    faults: list[str] = []
+    chains = tuple(
+        _filled(group, [index[name] for name in chain], lines, names, faults)
+        for group, chain in zip(BODY_GROUPS, given.chains, strict=True)
+    )
+    taken: dict[int, str] = {}
+    for group, chain in zip(BODY_GROUPS, chains, strict=True):
+        for joint in chain:
+            if joint in taken:
+                faults.append(f"'{names[joint]}' is on the chains of {taken[joint]} and of {group}")
+            taken[joint] = group
+    firsts = [chain[0] for chain in chains if chain]
+    pelvis = index[given.pelvis] if given.pelvis else max(set.intersection(*(set(lines[j]) for j in firsts)))
+    for group, chain in zip(BODY_GROUPS, chains, strict=True):
+        if chain and pelvis not in lines[chain[0]]:
+            faults.append(f"{group} begins at '{names[chain[0]]}', which does not lie below '{names[pelvis]}'")
+    if faults:
+        raise _error(given, faults)
+    told = {joint: group for group, chain in enumerate(chains) for joint in chain}
+    told |= {index[name]: group for group, found in enumerate(given.beside) for name in found}
+    told |= {index[name]: NO_GROUP for name in given.outside}
+    groups = np.full(len(names), NO_GROUP, np.int8)
+    for joint in range(len(names)):
+        if joint == pelvis:
+            groups[joint] = 0
+        elif pelvis in lines[joint]:
+            groups[joint] = told.get(joint, int(groups[parents[joint]]))
+    return BodyParts(groups, pelvis, chains, sided=True)
+
+
+def text_of_anatomy(anatomy: RigAnatomy, names: Sequence[str], parents: np.ndarray, source: str) -> str:
+    """The map of a rig as it was found, ready to edit."""
+    told = {joint: group for group, chain in enumerate(anatomy.chains) for joint in chain}
+    beside: dict[str, list[str]] = {}
+    outside: list[str] = []
+    above = set(_line(anatomy.pelvis, parents)[1:])
+    for joint, name in enumerate(names):
+        group, parent = int(anatomy.groups[joint]), int(parents[joint])
+        if joint in told or joint == anatomy.pelvis:
+            continue
+        if group == NO_GROUP:
+            if joint not in above and parent >= 0 and anatomy.groups[parent] != NO_GROUP:
+                outside.append(name)
+        elif group != anatomy.groups[parent]:
+            beside.setdefault(BODY_GROUPS[group], []).append(name)
+    values: dict[str, Any] = {"unit_m": anatomy.unit_m, "up": anatomy.up_axis, "pelvis": names[anatomy.pelvis]}
+    values["outside"] = outside
+    values["chains"] = {g: [names[j] for j in c] for g, c in zip(BODY_GROUPS, anatomy.chains, strict=True)}
+    if beside:
+        values["beside"] = beside
+    found = anatomy.findings
+    head = [
+        f"# How pumps sees the rig of {' '.join(source.split())}. Edit it and give it back with --skeleton-map.",
+        f"# Body groups were found by {found['groups'].how} (sure: {found['groups'].sure:.2f}), left and right by"
+        f" {found['sides'].how} (sure: {found['sides'].sure:.2f}).",
+        "# Points are drawn along the chains, from the first joint to the last; what hangs on a joint of a chain",
+        "# belongs to its group, is not seen by points and passes through.",
+        "",
+    ]
+    return "\n".join(head) + toml_text(values)
+
+
+def _groups(given: Any, table: str, faults: list[str]) -> tuple[tuple[str, ...], ...]:
+    if not isinstance(given, dict):
+        faults.append(f"{table} must be a table of groups")
+        given = {}
+    faults += [
+        f"{table}.{key} is no body group; there are {', '.join(BODY_GROUPS)}"
+        for key in given
+        if key not in BODY_GROUPS
+    ]
+    return tuple(_names(given.get(group, []), f"{table}.{group}", faults) for group in BODY_GROUPS)
+
+
+def _names(given: Any, key: str, faults: list[str]) -> tuple[str, ...]:
+    if not isinstance(given, list) or not all(isinstance(name, str) for name in given):
+        faults.append(f"{key} must be a list of joints' names")
+        return ()
+    return tuple(given)
+
+
+def _unknown(joint: str, names: Sequence[str]) -> str:
+    near = difflib.get_close_matches(joint, names[:500], n=1)
+    return f"the rig has no joint '{joint}'" + (f"; is it '{near[0]}'?" if near else "")
+
+
+def _line(joint: int, parents: np.ndarray) -> list[int]:
+    line = [joint]
+    while parents[line[-1]] >= 0:
+        line.append(int(parents[line[-1]]))
+    return line
+
+
+def _filled(
+    group: str, chain: list[int], lines: list[list[int]], names: Sequence[str], faults: list[str]
+) -> tuple[int, ...]:
+    """The chain with the joints between those that are named."""
+    filled = chain[:1]
+    for before, joint in pairwise(chain):
+        line = lines[joint]
+        if before not in line[1:]:
+            faults.append(f"in {group} '{names[joint]}' does not hang below '{names[before]}'")
+            continue
+        filled += reversed(line[: line.index(before)])
+    return tuple(filled)
+
+
+def _error(given: SkeletonMap, faults: Sequence[str]) -> InputError:
+    if len(faults) == 1:
+        return InputError(f"{given.name}: {faults[0]}.", "`pumps inspect FILE --map` prints a map that fits.")
+    told = "".join(f"\n  {fault}" for fault in faults)
+    return InputError(
+        f"{given.name} has {len(faults)} faults:{told}", "`pumps inspect FILE --map` prints a map that fits."
+    )

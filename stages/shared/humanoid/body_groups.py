@@ -1,0 +1,155 @@
+"""Which joint belongs to which part of the body, for any humanoid: by names where they speak, else by topology.
+
+A humanoid has two legs and two arms, each a branch of the tree; what is left of the pelvis' subtree is the spine.
+Joints off the main chains (fingers, face, twists, props) belong to their limb but are not seen by point clouds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from data_schemas.errors import InputError
+from data_schemas.skeleton import NO_GROUP
+from stages.shared.humanoid.joint_names import LEFT, RIGHT, NameSense, sense_of
+from stages.shared.humanoid.joint_tree import JointTree
+from stages.shared.humanoid.limb_search import find_four_limbs
+
+SPINE, LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(5)
+_JUNK = ("finger", "face", "end", "helper")
+
+
+@dataclass(frozen=True)
+class BodyParts:
+    """The parts found on a skeleton.
+
+    groups:  (J,) int8 body group, NO_GROUP above or beside the pelvis' subtree.
+    pelvis:  the topmost joint of the body.
+    chains:  per group the main chain of joints, from its first to its last (hand, toes, head).
+    sided:   False where left and right are a guess, since no name told them.
+    sure:    0 to 1, how far these limbs stand out against any other choice; 1 where names told them.
+    """
+
+    groups: np.ndarray
+    pelvis: int
+    chains: tuple[tuple[int, ...], ...]
+    sided: bool
+    sure: float = 1.0
+
+    def mirrored(self) -> BodyParts:
+        """The same parts with left and right exchanged."""
+        return self._swapped(np.array([0, 2, 1, 4, 3, NO_GROUP], np.int8))
+
+    def with_arms_exchanged(self) -> BodyParts:
+        """The same parts with only the arms' sides exchanged."""
+        return self._swapped(np.array([0, 2, 1, 3, 4, NO_GROUP], np.int8))
+
+    def _swapped(self, swap: np.ndarray) -> BodyParts:
+        chains = tuple(self.chains[group] for group in swap[:5])
+        return replace(self, groups=swap[self.groups], chains=chains)
+
+
+def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.ndarray, ends: np.ndarray) -> BodyParts:
+    """Assign body groups.
+
+    Args:
+        names, parents (J,): the hierarchy, parents before children.
+        offsets: (J, 3) heads in the parents' frames, any unit.
+        ends: (J,) length of each joint's End Site, 0 where there is none.
+    Raises: InputError where no two legs and two arms are found.
+    """
+    senses = [sense_of(name) for name in names]
+    lengths = np.linalg.norm(offsets, axis=1)
+    tree = JointTree(parents, lengths, np.asarray(ends, float), [sense.part in _JUNK for sense in senses])
+    limbs = _limbs_by_name(tree, senses)
+    sided, sure = limbs is not None, 1.0
+    if limbs is None:
+        found = find_four_limbs(tree, names)
+        if isinstance(found, str):
+            raise InputError(
+                f"The skeleton is no humanoid that can be recognised, with two legs and two arms: it {found}.",
+                "If it is one, say which joints are its limbs with --skeleton-map, or name them (LeftUpLeg, ...).",
+            )
+        legs, arms, sure = found.legs, found.arms, found.sure
+        limbs = {LEFT_ARM: arms.first, RIGHT_ARM: arms.second, LEFT_LEG: legs.first, RIGHT_LEG: legs.second}
+    pelvis = _pelvis_of(tree, senses, limbs)
+    return parts_from_limbs(tree, senses, pelvis, limbs, sided=sided, sure=sure)
+
+
+def parts_from_limbs(
+    tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int], *, sided: bool, sure: float
+) -> BodyParts:
+    """Groups and chains once it is known where the body and each of its limbs begin."""
+    groups = np.full(len(tree.parents), NO_GROUP, np.int8)
+    groups[tree.subtree(pelvis)] = SPINE
+    chains: list[tuple[int, ...]] = [()] * 5
+    for group, joint in limbs.items():
+        groups[tree.subtree(joint)] = group
+        chains[group] = tuple(tree.main_chain(joint, limb=True))
+    chains[SPINE] = _spine_chain(tree, senses, pelvis, limbs)
+    return BodyParts(groups, pelvis, tuple(chains), sided, sure)
+
+
+def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] | None:
+    """First joint of each limb, by group, or None where names do not tell all four."""
+    limbs: dict[int, int] = {}
+    for group, part, side in (
+        (LEFT_ARM, "arm", LEFT),
+        (RIGHT_ARM, "arm", RIGHT),
+        (LEFT_LEG, "leg", LEFT),
+        (RIGHT_LEG, "leg", RIGHT),
+    ):
+        named = {j for j, sense in enumerate(senses) if sense.part == part and sense.side == side}
+        tops = [joint for joint in named if not named & set(tree.ancestors(joint)[1:])]
+        if not tops:
+            return None
+        limbs[group] = max(tops, key=tree.branch_length)
+    for first in limbs.values():
+        if any(other != first and other in tree.ancestors(first) for other in limbs.values()):
+            return None
+    for left, right in ((LEFT_ARM, RIGHT_ARM), (LEFT_LEG, RIGHT_LEG)):
+        reaches = sorted((tree.reach[limbs[left]], tree.reach[limbs[right]]))
+        if reaches[1] <= 0 or reaches[0] < 0.5 * reaches[1]:
+            return None
+    return limbs
+
+
+def _pelvis_of(tree: JointTree, senses: list[NameSense], limbs: dict[int, int]) -> int:
+    """Where the four limbs meet, or the joint right above that place that is named so.
+
+    Where no name says hip, a short bone that leads to that place is the pelvis' own.
+    """
+    pelvis = tree.common_ancestor(list(limbs.values()))
+    above = tree.parents[pelvis]
+    if above < 0 or senses[pelvis].part == "hip" or tree.lengths[pelvis] >= 0.25 * tree.reach[limbs[LEFT_LEG]]:
+        return pelvis
+    if any(sense.part == "hip" for sense in senses):
+        return above if senses[above].part == "hip" else pelvis
+    return above if tree.lengths[pelvis] > 0 and len(tree.children[above]) == 1 else pelvis
+
+
+def _spine_chain(tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int]) -> tuple[int, ...]:
+    """Pelvis, up to where the arms branch off, and on to the head."""
+    chest = tree.common_ancestor([limbs[LEFT_ARM], limbs[RIGHT_ARM]])
+    path = [joint for joint in reversed(tree.ancestors(chest)) if joint >= pelvis and pelvis in tree.ancestors(joint)]
+    limbed = {joint for first in limbs.values() for joint in tree.ancestors(first)}
+    while senses[path[-1]].part != "head":
+        onward = [child for child in tree.children[path[-1]] if not tree.skipped[child] and child not in limbed]
+        if not onward:
+            break
+        heads = [child for child in onward if _leads_to_a_head(tree, senses, child)]
+        if not heads and path[-1] != chest and len(onward) > 1 and _are_a_pair(tree, onward):
+            break  # eyes: what lies on the midline does not go on to one side
+        path.append(max(heads or onward, key=tree.branch_length))
+    return tuple(path)
+
+
+def _leads_to_a_head(tree: JointTree, senses: list[NameSense], joint: int) -> bool:
+    return any(senses[below].part in ("head", "neck") for below in tree.subtree(joint))
+
+
+def _are_a_pair(tree: JointTree, joints: list[int]) -> bool:
+    """Whether the two longest of these branches are alike."""
+    longer, shorter = sorted((tree.branch_length(joint) for joint in joints), reverse=True)[:2]
+    return shorter > 0.7 * longer

@@ -1,0 +1,231 @@
+"""Which way a body looks, told by its poses alone: toes, knees, elbows, hands, and the way it walks.
+
+From it follow left and right where names do not tell them, since left is up x forward. Everything is measured in the
+body's own frame, so that a world that is turned, or local axes that mean nothing, change no result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stages.shared.humanoid.body_groups import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, SPINE, BodyParts
+
+# How much each sign is trusted; docs/formats.md has how often each is right on real clips.
+_WEIGHTS = {"toes": 6.0, "knees": 4.0, "elbows": 1.0, "hands": 0.7, "walking": 1.0}
+SIGNS = tuple(_WEIGHTS)
+_LEAST_SPEED = 0.35  # leg lengths a second; below, one does not walk
+
+
+@dataclass(frozen=True)
+class BodyPoses:
+    """A body in F poses, any unit, any axes.
+
+    heads: (F, J, 3) joints. tips: (F, J, 3) where bones end; NaN where nothing tells it (a leaf without End Site).
+    spacing_s: seconds from one pose to the next; 0 where they are no row in time.
+    """
+
+    heads: np.ndarray
+    tips: np.ndarray
+    spacing_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Facing:
+    """How a body looks.
+
+    forward, left, up: (F, 3) unit vectors of the body in each pose.
+    signs:   by sign ("toes", "knees", ...), -1 to 1: how clearly it says that left and right are as labelled
+             (positive) or swapped (negative).
+    balance: all of them, weighted, -1 to 1; 0 where nothing tells.
+    """
+
+    forward: np.ndarray
+    left: np.ndarray
+    up: np.ndarray
+    signs: dict[str, float]
+    balance: float
+
+
+def bone_tips(heads: np.ndarray, rotations: np.ndarray, tails: np.ndarray, told: np.ndarray) -> np.ndarray:
+    """(F, J, 3) where bones end, of heads (F, J, 3), global rotations (F, J, 4) xyzw, and tails (J, 3); NaN where
+    `told` (J,) says that the tail is a guess."""
+    vector, scalar = rotations[..., :3], rotations[..., 3:]
+    twice = 2.0 * np.cross(vector, tails)
+    tips = heads + tails + scalar * twice + np.cross(vector, twice)
+    return np.where(told[:, None], tips, np.nan)
+
+
+def find_facing(poses: BodyPoses, parts: BodyParts) -> Facing:
+    """Forward, left and up of a body whose groups are known, and how its poses bear out which side is left."""
+    up, left = _trunk_axes(poses.heads, parts)
+    forward = _unit(np.cross(left, up))
+    signs: dict[str, float] = {}
+    legs = [_limb(poses, parts, group) for group in (LEFT_LEG, RIGHT_LEG)]
+    arms = [_limb(poses, parts, group) for group in (LEFT_ARM, RIGHT_ARM)]
+    _add(signs, "toes", [_toes(leg, left) for leg in legs], scale=0.5)
+    _add(signs, "knees", [_bend(leg, left) for leg in legs], scale=0.05)
+    _add(signs, "elbows", [-_bend(arm, left) for arm in arms], scale=0.1)
+    size = float(np.median([_arc(leg).max() for leg in legs]))
+    chest = np.mean([arm[:, 0] for arm in arms], axis=0)
+    reach = np.mean([arm[:, -1] for arm in arms], axis=0) - chest
+    _add(signs, "hands", [(reach * forward).sum(-1) / max(size, 1e-9)], scale=0.15)
+    _add(signs, "walking", [_walk(poses, parts, forward, size)], scale=0.5)
+    weights = sum(_WEIGHTS.values())
+    balance = sum(_WEIGHTS[name] * value for name, value in signs.items()) / weights
+    return Facing(forward, left, up, signs, float(balance))
+
+
+def find_sides(poses: BodyPoses, parts: BodyParts) -> tuple[BodyParts, Facing]:
+    """Parts whose left and right are a guess, put right: arms to the side of their legs, then both by where the body
+    looks. Where nothing tells, the guess stays."""
+    firsts, seconds = _beginnings(poses.heads, parts)
+    up = _unit((firsts[LEFT_ARM] + firsts[RIGHT_ARM] - firsts[LEFT_LEG] - firsts[RIGHT_LEG]) / 2)
+    across = [_across(firsts, seconds, *pair) for pair in ((LEFT_LEG, RIGHT_LEG), (LEFT_ARM, RIGHT_ARM))]
+    legs, arms = (side - (side * up).sum(-1, keepdims=True) * up for side in across)
+    if float((legs * arms).sum()) < 0:
+        parts = parts.with_arms_exchanged()
+    facing = find_facing(poses, parts)
+    if facing.balance >= 0:
+        return parts, facing
+    parts = parts.mirrored()
+    return parts, find_facing(poses, parts)
+
+
+def stands_on_four_feet(heads: np.ndarray, rest: np.ndarray, parts: BodyParts) -> bool:
+    """Whether a body is one of a four-footed animal: in hardly any pose do its legs run on from the trunk, and its
+    arms hang beside the legs, nearly as long.
+
+    Args:
+        heads: (F, J, 3) joints in some poses. rest: (J, 3) joints at zero rotations; a standing man there settles it.
+    """
+    upright, _, _ = _posture(rest[None], parts)
+    if upright[0] > 0.8 and all(_straightness(rest, parts.chains[g]) > 0.8 for g in (SPINE, LEFT_LEG, RIGHT_LEG)):
+        return False
+    upright, hanging, ratio = _posture(heads, parts)
+    return bool(ratio > 0.65 and ((upright < 0.65) & (hanging > 0.75)).mean() > 0.9)
+
+
+def _straightness(rest: np.ndarray, chain: tuple[int, ...]) -> float:
+    """Distance from the first joint to the last, as a share of the way along it; a meaningless pose zigzags."""
+    along = np.linalg.norm(np.diff(rest[list(chain)], axis=0), axis=-1).sum()
+    return float(np.linalg.norm(rest[chain[-1]] - rest[chain[0]]) / along) if along > 0 else 1.0
+
+
+def _posture(heads: np.ndarray, parts: BodyParts) -> tuple[np.ndarray, np.ndarray, float]:
+    """(F,) cosine between the trunk and the legs' way up, (F,) cosine between arms and legs, and arms' to legs'
+    length, from shoulder to hand and from hip to foot."""
+    ends = {group: heads[:, parts.chains[group][-1]] - heads[:, parts.chains[group][0]] for group in range(1, 5)}
+    legs, arms = ends[LEFT_LEG] + ends[RIGHT_LEG], ends[LEFT_ARM] + ends[RIGHT_ARM]
+    firsts, _ = _beginnings(heads, parts)
+    trunk = firsts[LEFT_ARM] + firsts[RIGHT_ARM] - firsts[LEFT_LEG] - firsts[RIGHT_LEG]
+    down = _unit(legs)
+    lengths = [np.mean([np.linalg.norm(ends[g], axis=-1).max() for g in pair]) for pair in ((1, 2), (3, 4))]
+    return -(_unit(trunk) * down).sum(-1), (_unit(arms) * down).sum(-1), float(lengths[0] / max(lengths[1], 1e-9))
+
+
+def knee_of(limb: np.ndarray) -> int:
+    """Index, in a limb's points (F, K, 3) from its first joint to its tip, of the knee or elbow: midway along it."""
+    along = _arc(limb)
+    return 1 + int(np.abs(along[1:-1] - along[-1] / 2).argmin()) if limb.shape[1] > 2 else 0
+
+
+def ankle_of(limb: np.ndarray) -> int:
+    """Index of the joint below the knee that lies farthest off the line from knee to tip: the heel of the L."""
+    knee = knee_of(limb)
+    if limb.shape[1] - knee < 3:
+        return limb.shape[1] - 1
+    off = _off_line(limb[:, knee + 1 : -1], limb[:, knee], limb[:, -1])
+    return knee + 1 + int(np.linalg.norm(off, axis=-1).mean(axis=0).argmax())
+
+
+def _trunk_axes(heads: np.ndarray, parts: BodyParts) -> tuple[np.ndarray, np.ndarray]:
+    """(F, 3) up along the trunk and left across it, at right angles."""
+    firsts, seconds = _beginnings(heads, parts)
+    hips = (firsts[LEFT_LEG] + firsts[RIGHT_LEG]) / 2
+    shoulders = (firsts[LEFT_ARM] + firsts[RIGHT_ARM]) / 2
+    up = shoulders - hips
+    flat = np.linalg.norm(up, axis=-1) < 1e-6 * max(float(np.abs(heads).max()), 1e-9)
+    up[flat] = (heads[:, parts.chains[SPINE][-1]] - hips)[flat]
+    up = _unit(up)
+    # Hips and shoulders twist against each other; together they tell the trunk's width, also where one has none.
+    across = _across(firsts, seconds, LEFT_LEG, RIGHT_LEG)
+    across = across + _across(firsts, seconds, LEFT_ARM, RIGHT_ARM)
+    left = _unit(across - (across * up).sum(-1, keepdims=True) * up)
+    return up, left
+
+
+def _beginnings(heads: np.ndarray, parts: BodyParts) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
+    """(F, 3) first and second joint of every limb, by group."""
+    chains = {group: parts.chains[group] for group in range(LEFT_ARM, RIGHT_LEG + 1)}
+    return {g: heads[:, c[0]] for g, c in chains.items()}, {g: heads[:, c[:2][-1]] for g, c in chains.items()}
+
+
+def _across(firsts: dict[int, np.ndarray], seconds: dict[int, np.ndarray], left: int, right: int) -> np.ndarray:
+    """From the right limb's beginning to the left one's; its first two joints, since the first may lie on the midline
+    (collars that begin at the breastbone)."""
+    return _unit(firsts[left] - firsts[right] + seconds[left] - seconds[right])
+
+
+def _limb(poses: BodyPoses, parts: BodyParts, group: int) -> np.ndarray:
+    """(F, K, 3) a limb's joints and, where it is known, its tip."""
+    chain = list(parts.chains[group])
+    tip = poses.tips[:, chain[-1:]]
+    points = poses.heads[:, chain]
+    return np.concatenate([points, tip], axis=1) if np.isfinite(tip).all() else points
+
+
+def _arc(limb: np.ndarray) -> np.ndarray:
+    """(K,) length along a limb from its first joint to each of its points."""
+    steps = np.linalg.norm(np.diff(limb, axis=1), axis=-1).mean(axis=0)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _off_line(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """(F, K, 3) how points (F, K, 3) lie off the lines from start to end (F, 3)."""
+    along = _unit(end - start)[:, None]
+    away = points - start[:, None]
+    return away - (away * along).sum(-1, keepdims=True) * along
+
+
+def _bend(limb: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(F,) how far, in limb lengths, the knee lies before the line from hip to ankle (negative: behind)."""
+    if limb.shape[1] < 3:
+        return np.zeros(len(limb))
+    knee, ankle = knee_of(limb), ankle_of(limb)
+    if ankle <= knee:
+        return np.zeros(len(limb))
+    off = _off_line(limb[:, knee : knee + 1], limb[:, 0], limb[:, ankle])[:, 0]
+    forward = np.cross(left, _unit(limb[:, 0] - limb[:, ankle]))
+    return (off * forward).sum(-1) / max(_arc(limb)[ankle], 1e-9)
+
+
+def _toes(leg: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """(F,) -1 to 1: how far the foot points before the shin."""
+    knee, ankle = knee_of(leg), ankle_of(leg)
+    if ankle >= leg.shape[1] - 1 or ankle <= knee:
+        return np.zeros(len(leg))
+    shin = _unit(leg[:, knee] - leg[:, ankle])
+    forward = _unit(np.cross(left, shin))
+    return (_unit(leg[:, -1] - leg[:, ankle]) * forward).sum(-1)
+
+
+def _walk(poses: BodyPoses, parts: BodyParts, forward: np.ndarray, size: float) -> np.ndarray:
+    """(F,) cosine between the way the pelvis moves and forward, times how sure it is that one walks."""
+    frames = len(poses.heads)
+    if frames < 2 or poses.spacing_s <= 0 or size <= 0:
+        return np.zeros(frames)
+    velocity = np.gradient(poses.heads[:, parts.pelvis], poses.spacing_s, axis=0) / size
+    speed = np.linalg.norm(velocity, axis=-1)
+    cosine = (velocity * forward).sum(-1) / np.maximum(speed, 1e-9)
+    return np.where(speed > _LEAST_SPEED, cosine, 0.0)
+
+
+def _add(signs: dict[str, float], name: str, votes: list[np.ndarray], scale: float) -> None:
+    """Keep the mean of a sign's votes, pressed into -1 to 1."""
+    signs[name] = float(np.tanh(np.mean([vote.mean() for vote in votes]) / scale))
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -1,0 +1,141 @@
+"""What may be wrong with a recording, told by the recording alone; cheap enough for every ingest.
+
+The figures become columns of the clip index (`data_schemas.quality` says what each means), to be filtered by.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data_schemas.errors import InputError
+from data_schemas.quality import MotionQuality
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.humanoid.bone_matching import ARMS, LEGS, bones_of
+from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, floor_levels, foot_skate_mps
+from stages.shared.kinematics.playback_speed import SUSPECT, log_speed
+
+STILL_MPS = 0.01  # a body of which no joint moves faster stands still
+HUMAN_RAD_PER_S = 45.0  # faster than a pitcher's forearm beside the body's own turn
+FLIP_RAD = 2.0  # between two frames: an axis that turned over
+T_POSE_RAD = 0.35  # arms this near to straight out sideways, the body still
+FACING_FRAMES = 32
+LEAST_S = 0.5  # of a T-pose or of standing still, to count
+
+
+def measure_quality(
+    skeleton: Skeleton, motion: Motion, positions: np.ndarray, repaired_frames: int = 0
+) -> MotionQuality:
+    """All figures of one clip.
+
+    Args:
+        positions: (T, J, 3) its joints in the world, metres: readers have them at hand, and need no torch for them.
+        repaired_frames: how many its reader had to repair.
+    """
+    body = np.flatnonzero((skeleton.groups >= 0) & skeleton.sampled)
+    turned = _turns(motion.rotations[:, body])
+    speed = log_speed(skeleton, positions, motion.fps)
+    still = _still(positions[:, body], motion.fps)
+    skate, penetration = _feet(skeleton, positions, motion.fps)
+    return MotionQuality(
+        still_share=float(still.mean()),
+        t_pose=_t_pose(skeleton, positions, motion.rotations, still),
+        repeated_share=_repeated(motion),
+        spikes=int((turned * motion.fps > HUMAN_RAD_PER_S).any(axis=1).sum()),
+        flips=int((turned > FLIP_RAD).any(axis=1).sum()),
+        foot_skate=skate,
+        floor_penetration=penetration,
+        speed_log2=speed,
+        wrong_rate=speed is not None and abs(speed) > SUSPECT,
+        swapped=_swapped(skeleton, positions, motion.rotations),
+        repaired_frames=repaired_frames,
+    )
+
+
+def _turns(rotations: np.ndarray) -> np.ndarray:
+    """(T - 1, J) radians between neighbouring frames, of global rotations (T, J, 4)."""
+    cosine = np.abs((rotations[1:].astype(np.float64) * rotations[:-1]).sum(-1))
+    return 2 * np.arccos(np.clip(cosine, 0, 1))
+
+
+def _still(positions: np.ndarray, fps: float) -> np.ndarray:
+    """(T,) frames in long stretches in which no joint moves."""
+    speeds = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=-1).max(axis=1) * fps
+    quiet = np.concatenate([speeds < STILL_MPS, [False]]) if len(speeds) else np.zeros(len(positions), bool)
+    out = np.zeros(len(positions), bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start >= LEAST_S * fps:
+            out[start : stop + 1] = True
+    return out
+
+
+def _repeated(motion: Motion) -> float:
+    if motion.frames < 2:
+        return 0.0
+    same = (motion.rotations[1:] == motion.rotations[:-1]).all(axis=(1, 2))
+    same &= (motion.root_positions[1:] == motion.root_positions[:-1]).all(axis=1)
+    if len(motion.track_joints):
+        same &= (motion.tracks[1:] == motion.tracks[:-1]).all(axis=(1, 2))
+    return float(same.mean())
+
+
+def _t_pose(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray, still: np.ndarray) -> bool:
+    """Whether in some still stretch both arms are straight and point away from each other along the hips' line."""
+    if not still.any():
+        return False
+    try:
+        hips = [positions[still, bones_of(skeleton, leg)[0]] for leg in LEGS]
+        hands = [positions[still, bones_of(skeleton, arm)[-1]] for arm in ARMS]
+        shoulders = [positions[still, bones_of(skeleton, arm)[0]] for arm in ARMS]
+    except InputError:
+        return False
+    across = _unit(hips[0] - hips[1])
+    left, right = (_unit(hand - shoulder) for hand, shoulder in zip(hands, shoulders, strict=True))
+    outward = np.minimum((left * across).sum(-1), -(right * across).sum(-1))
+    return bool((outward > np.cos(T_POSE_RAD)).any())
+
+
+def _feet(skeleton: Skeleton, positions: np.ndarray, fps: float) -> tuple[float | None, float | None]:
+    """Foot skate, and how far the feet's lowest hundredth lies below the level on which they mostly stand."""
+    try:
+        feet = find_feet(skeleton)
+    except InputError:
+        return None, None
+    levels = floor_levels(positions, feet)
+    contacts = detect_contacts(positions, feet, fps, levels=levels)
+    if not contacts.any():
+        return None, None
+    heights = positions[:, feet.joints, 1]
+    for i, on in enumerate(contacts.T):
+        levels[i] = np.median(heights[on, i]) if on.any() else levels[i]
+    sunk = np.maximum(levels - np.percentile(heights, 1, axis=0), 0.0)
+    skate = foot_skate_mps(positions, contacts, feet, fps)
+    return (skate if np.isfinite(skate) else None), float(sunk.max())
+
+
+def _swapped(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray) -> bool:
+    """Whether toes and knees point backwards, as hips, chest and the names of left and right have it.
+
+    A cheaper sign than `stages.shared.humanoid.facing`, which finds sides where nothing names them.
+    """
+    try:
+        legs = [bones_of(skeleton, leg) for leg in LEGS]
+        chest = bones_of(skeleton, 0)[-1]
+    except InputError:
+        return False
+    some = np.unique(np.linspace(0, len(positions) - 1, FACING_FRAMES).astype(int))
+    places = positions[some].astype(np.float64)
+    hips = [places[:, leg[0]] for leg in legs]
+    forward = _unit(np.cross(hips[0] - hips[1], places[:, chest] - (hips[0] + hips[1]) / 2))  # left x up
+    votes = 0.0
+    for leg in legs:
+        ankle = places[:, leg[-1]]
+        toes = Rotation.from_quat(rotations[some, leg[-1]]).apply(skeleton.tails[leg[-1]])
+        bend = places[:, list(leg[1:-1])].mean(axis=1) - (places[:, leg[0]] + ankle) / 2 if len(leg) > 2 else 0.0
+        votes += float(((toes + bend) * forward).sum(-1).mean())
+    return votes < 0
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)

@@ -1,0 +1,151 @@
+"""What is read off a skeleton before it can be used: bones' tails, the unit, the up axis.
+
+The zero pose of a file need not be a human pose, so that up comes from the motion where it can; left and right are
+found in `stages.shared.humanoid.facing`.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data_schemas.errors import InputError
+from stages.shared.humanoid.body_groups import LEFT_LEG, RIGHT_LEG, SPINE, BodyParts
+from stages.shared.humanoid.joint_names import sense_of
+
+LEAF_LENGTH_M = 0.1
+SHORTEST_BONE_M = 1e-3
+PLAUSIBLE_STATURE_M = (0.7, 2.6)
+# Metres in a unit, most usual first; 0.0564 is CMU's own (inches divided by 0.45).
+_DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
+_OTHER_UNITS = (0.0254, 0.0254 / 0.45, 0.3048)
+_Z_UP_TO_Y_UP = Rotation.from_euler("x", -90, degrees=True)
+
+
+def turn_to_y_up(up_axis: str) -> Rotation | None:
+    """The rotation that takes a source's world to Y up; None where it is Y up already."""
+    return _Z_UP_TO_Y_UP if up_axis == "z" else None
+
+
+def bone_tails(
+    names: tuple[str, ...],
+    parents: np.ndarray,
+    offsets: np.ndarray,
+    end_sites: np.ndarray,
+    parts: BodyParts,
+    leaf_length: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tail of every bone of the body and whether it lies on a main chain.
+
+    Args:
+        offsets: (J, 3) heads in the parents' frames; end_sites: (J, 3), zeros where there is none.
+        leaf_length: length given to a leaf that has no usable end site, in the offsets' unit.
+    Returns: tails (J, 3) in the joints' own frames, zeros where there is no bone; on_chain (J,) bool.
+    """
+    joints = len(names)
+    tails = np.zeros((joints, 3))
+    on_chain = np.zeros(joints, bool)
+    children: list[list[int]] = [[] for _ in range(joints)]
+    for joint in range(1, joints):
+        children[int(parents[joint])].append(joint)
+    for chain in parts.chains:
+        on_chain[list(chain)] = True
+        for joint, following in pairwise(chain):
+            tails[joint] = offsets[following]
+        last = chain[-1]
+        tails[last] = _leaf_tail(last, children[last], names, offsets, end_sites, leaf_length)
+    for joint in np.flatnonzero((parts.groups >= 0) & ~on_chain):
+        below = children[joint]
+        tails[joint] = offsets[below[0]] if below else end_sites[joint]
+    return tails, on_chain
+
+
+def _leaf_tail(
+    joint: int,
+    children: list[int],
+    names: tuple[str, ...],
+    offsets: np.ndarray,
+    end_sites: np.ndarray,
+    leaf_length: float,
+) -> np.ndarray:
+    """Where a main chain's last bone ends: a hand at its middle finger, head and toes at end joint or end site."""
+    usable = SHORTEST_BONE_M / LEAF_LENGTH_M * leaf_length
+    for wanted in ("end", "finger"):
+        found = [child for child in children if sense_of(names[child]).part == wanted]
+        middle = [child for child in found if sense_of(names[child]).middle]
+        rest = [child for child in found if not sense_of(names[child]).thumb]
+        for choice in (middle, rest, found):
+            if choice and np.linalg.norm(offsets[choice].mean(axis=0)) > usable:
+                return offsets[choice].mean(axis=0)
+    fan = [child for child in children if sense_of(names[child]).part not in ("face", "helper")]
+    if len(fan) >= 3:  # nameless fingers or toes
+        return offsets[fan].mean(axis=0)
+    if not children and np.linalg.norm(end_sites[joint]) > usable:
+        return end_sites[joint]
+    onward = float(np.linalg.norm(offsets[joint]))
+    return offsets[joint] / onward * leaf_length if onward > 0 else np.zeros(3)
+
+
+def stature_of(offsets: np.ndarray, parts: BodyParts) -> float:
+    """Length of a leg plus the trunk up to the head's joint, in the offsets' unit."""
+    lengths = np.linalg.norm(offsets, axis=1)
+    leg = np.mean([lengths[list(parts.chains[group])[1:]].sum() for group in (LEFT_LEG, RIGHT_LEG)])
+    return float(leg + lengths[list(parts.chains[SPINE])[1:]].sum())
+
+
+def find_unit(stature: float) -> tuple[float, str | None]:
+    """Metres in one unit of the file, and a note where it is a guess.
+
+    Raises: InputError where the skeleton has no size.
+    """
+    if not stature > 0:
+        raise InputError("The skeleton's bones have no length.", "Is its OFFSET data missing?")
+    low, high = PLAUSIBLE_STATURE_M
+    for unit in _DECIMAL_UNITS:
+        if low <= stature * unit <= high:
+            return unit, None
+    for unit in _OTHER_UNITS:
+        if 1.1 <= stature * unit <= 2.1:
+            return unit, f"the unit is taken as {unit:.4g} m, which makes a stature of {stature * unit:.2f} m"
+    unit = 1.6 / stature
+    return unit, f"no usual unit makes a human of it; scaled so that legs and trunk measure 1.6 m (unit {unit:.4g} m)"
+
+
+def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> str:
+    """The source's up axis, "y" or "z".
+
+    Args:
+        rest: (J, 3) joints at zero rotations, in the file's axes; counted only if it is a standing pose.
+        positions: (F, J, 3) joints in a few frames of the motion, file's axes.
+    """
+    feet = [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]
+    hips = [parts.chains[LEFT_LEG][0], parts.chains[RIGHT_LEG][0]]
+    head = parts.chains[SPINE][-1]
+    body = positions[:, head] - positions[:, feet].mean(axis=1)
+    length = np.linalg.norm(body, axis=-1, keepdims=True)
+    upward = (body / np.maximum(length, 1e-9)).mean(axis=0)
+    standing = _standing_axis(rest, feet, hips, head)
+    if standing is None:
+        return "z" if upward[2] > max(upward[1], 0.5) else "y"
+    other = {"y": 2, "z": 1}[standing]
+    leg = np.linalg.norm(positions[:, feet] - positions[:, hips], axis=-1).max()
+    lowest = np.percentile(positions[:, feet, other], 5)
+    # The rest pose is overruled only by a body that stands on the other axis' floor, not by one that lies down.
+    if upward[other] > 0.85 and abs(lowest) < 0.25 * leg:
+        return "z" if other == 2 else "y"
+    return standing
+
+
+def _standing_axis(rest: np.ndarray, feet: list[int], hips: list[int], head: int) -> str | None:
+    legs = rest[feet] - rest[hips]
+    trunk = rest[head] - rest[hips].mean(axis=0)
+    sizes = np.linalg.norm(np.vstack([legs, trunk]), axis=1)
+    if (sizes < 1e-9).any():
+        return None
+    legs, trunk = legs / sizes[:2, None], trunk / sizes[2]
+    for axis, name in ((1, "y"), (2, "z")):
+        if trunk[axis] > 0.8 and (legs[:, axis] < -0.7).all():
+            return name
+    return None

@@ -1,0 +1,330 @@
+"""A motion of one humanoid given to another, with no pose of the second but a reference pose.
+
+Both figures are brought into one pose: of the source's frames and of the target's own poses (its rest pose, and the
+frames of its file) the two that are most alike, and what is left of the difference is turned away bone by bone. From
+there on every bone of the target turns, in the world, as the bones of the source turn that answer to it.
+
+Names mean nothing here; see `stages.shared.humanoid.bone_matching`. All rotations are global, xyzw, Y up; metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data_schemas.errors import InputError
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.humanoid.bone_matching import (
+    ARMS,
+    LEGS,
+    LIMBS,
+    Piece,
+    bone_lengths,
+    bones_of,
+    carrier_of,
+    match_limb,
+    size_ratio,
+    spine_of,
+)
+from stages.shared.humanoid.reference_pose import turn_to_y_up
+from stages.shared.kinematics.foot_contacts import find_feet, floor_levels
+from stages.shared.kinematics.forward import positions_of
+
+OWN_SHAPE_RAD = np.radians(25)  # clavicles, feet and hands that differ by less differ in build, not in pose
+NARROW_M = 0.03  # shoulders nearer to each other than this do not tell how the chest is turned
+CANDIDATES = 200  # of either figure, poses to choose the reference from
+UPRIGHT = 0.5  # least cosine between trunk and up, and between legs and down, of a usable rest pose
+
+
+@dataclass(frozen=True)
+class Retargeted:
+    """What came of it.
+
+    motion:       on the target skeleton, frames and rate of the source.
+    size:         the target's legs over the source's: how paths and heights are scaled.
+    centre:       (3,) the point of the source's world that they are scaled about: on its floor, where it starts.
+    lift_m:       how far the target was raised after that, so that its feet come as low as the source's.
+    source_frame: of the source, taken as reference. target_frame: of the target's file, or -1 for its rest pose.
+    apart_rad:    mean angle between answering limb bones of the two reference poses, before it was turned away.
+    """
+
+    motion: Motion
+    size: float
+    centre: np.ndarray
+    lift_m: float
+    source_frame: int
+    target_frame: int
+    apart_rad: float
+
+    def in_targets_world(self, places: np.ndarray) -> np.ndarray:
+        """Places (..., 3) of the source's world, in the target's size."""
+        return self.centre + self.size * (places - self.centre) + np.array([0.0, self.lift_m, 0.0])
+
+
+@dataclass(frozen=True)
+class _Figure:
+    """A skeleton in F poses: positions (F, J, 3) metres, rotations (F, J, 4) global."""
+
+    skeleton: Skeleton
+    positions: np.ndarray
+    rotations: np.ndarray
+
+    def directions(self, bones: tuple[int, ...]) -> np.ndarray:
+        """(F, 3) unit, from the first bone's head to the last one's tail."""
+        first, last = bones[0], bones[-1]
+        tails = Rotation.from_quat(self.rotations[:, last]).apply(self.skeleton.tails[last])
+        return _unit(self.positions[:, last] + tails - self.positions[:, first])
+
+    def pelvis(self) -> Rotation:
+        """F rotations from body to world axes: X to the left hip, Y up the trunk, Z forward."""
+        legs = [bones_of(self.skeleton, leg) for leg in LEGS]
+        hips = [self.positions[:, leg[0]] for leg in legs]
+        if np.median(np.linalg.norm(hips[0] - hips[1], axis=1)) < NARROW_M:  # hip bones that begin at the pelvis
+            hips = [self.positions[:, leg[1 if len(leg) > 1 else 0]] for leg in legs]
+        return _frames(hips[0] - hips[1], self.positions[:, carrier_of(self.skeleton)] - (hips[0] + hips[1]) / 2)
+
+    def chest(self) -> Rotation:
+        """F rotations from body to world axes: X to the left shoulder, Y to the neck, Z forward."""
+        arms = [bones_of(self.skeleton, arm) for arm in ARMS]
+        across = self.positions[:, arms[0][0]] - self.positions[:, arms[1][0]]
+        if np.median(np.linalg.norm(across, axis=1)) < NARROW_M:  # collar bones that meet at the spine
+            across = self.positions[:, arms[0][-1]] - self.positions[:, arms[1][-1]]
+        carrier = carrier_of(self.skeleton)
+        up = Rotation.from_quat(self.rotations[:, carrier]).apply(self.skeleton.tails[carrier])
+        return _frames(across, up)
+
+    def neck(self) -> np.ndarray:
+        """(F, 3) unit, from where the neck begins to the head's joint, or to the top where there is no neck."""
+        above = [bone for bone in spine_of(self.skeleton).bones if bone > carrier_of(self.skeleton)]
+        if not above:
+            return self.directions((carrier_of(self.skeleton),))
+        return self.directions(tuple(above[:-1] or above))
+
+
+def _frames(left: np.ndarray, up: np.ndarray) -> Rotation:
+    """Right-handed axes with Y along `up` and X as near to `left` as can be; both (F, 3)."""
+    up = _unit(up)
+    left = _unit(left - (left * up).sum(1, keepdims=True) * up)
+    return Rotation.from_matrix(np.stack([left, up, np.cross(left, up)], axis=-1))
+
+
+def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion | None = None) -> Retargeted:
+    """Give a motion to another skeleton.
+
+    Args:
+        source, motion: the figure that moves.
+        target: the figure that is to move.
+        poses: poses of the target to find a reference among, beside its rest pose; None for the rest pose alone.
+
+    Raises: InputError where the target's rest pose is no human pose and no other is given, or a figure lacks a limb.
+    """
+    moving = _Figure(source, positions_of(source, motion), motion.rotations)
+    pieces = {group: match_limb(source, target, group) for group in LIMBS}
+    models, names = _reference_poses(target, poses)
+    frame, model, apart = _most_alike(moving, models, pieces)
+    anchor = _Figure(models.skeleton, models.positions[[model]], models.rotations[[model]])
+    still = _Figure(source, moving.positions[[frame]], moving.rotations[[frame]])
+    turns = _answers(source, target, pieces)
+    rotations = _carried(moving, still, anchor, turns, pieces)
+    size = size_ratio(source, target)
+    centre, hips = _path(moving)
+    at_origin = Motion(rotations.astype(np.float32), np.zeros((motion.frames, 3), np.float32), motion.fps)
+    roots = centre + size * (hips - centre) - _hips(target, positions_of(target, at_origin))
+    made = Motion(at_origin.rotations, roots.astype(np.float32), motion.fps)
+    lift = centre[1] - float(floor_levels(positions_of(target, made), find_feet(target)).min())
+    made.root_positions[:, 1] += lift
+    return Retargeted(made, size, centre, lift, frame, names[model], apart)
+
+
+def rest_pose(skeleton: Skeleton) -> Motion:
+    """One frame of the skeleton with no joint turned, Y up, joint 0 at the origin."""
+    turn = turn_to_y_up(skeleton.up_axis) or Rotation.identity()
+    rotations = np.broadcast_to(turn.as_quat().astype(np.float32), (1, skeleton.joints, 4)).copy()
+    return Motion(rotations, np.zeros((1, 3), np.float32), 30.0)
+
+
+def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
+    """Whether the first frame stands: trunk up, legs down."""
+    figure = _Figure(skeleton, positions_of(skeleton, pose)[:1], pose.rotations[:1])
+    legs = np.stack([figure.directions(bones_of(skeleton, leg)[:2])[0] for leg in LEGS])
+    spine = figure.directions(bones_of(skeleton, 0))[0]
+    return bool(spine[1] > UPRIGHT and (legs[:, 1] < -UPRIGHT).all())
+
+
+def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_Figure, list[int]]:
+    """The target in every pose that may serve, and for each the frame it is, or -1 for the rest pose."""
+    candidates, names = [], []
+    if is_human_pose(target, rest := rest_pose(target)):
+        candidates.append((positions_of(target, rest), rest.rotations))
+        names.append(-1)
+    if poses is not None:
+        chosen = np.unique(np.linspace(0, poses.frames - 1, CANDIDATES).astype(int))
+        candidates.append((positions_of(target, poses)[chosen], poses.rotations[chosen]))
+        names += [int(frame) for frame in chosen]
+    if not candidates:
+        raise InputError(
+            "The rig's rest pose is no standing human, and there is no other pose of it to start from.",
+            "Give a BVH of the rig that has a frame of motion.",
+        )
+    positions, rotations = (np.concatenate(parts) for parts in zip(*candidates, strict=True))
+    return _Figure(target, positions, rotations), names
+
+
+def _most_alike(moving: _Figure, models: _Figure, pieces: dict[int, tuple[Piece, ...]]) -> tuple[int, int, float]:
+    """Frame of the source and pose of the target whose limbs lie most alike, seen from their trunks."""
+    chosen = np.unique(np.linspace(0, len(moving.positions) - 1, CANDIDATES).astype(int))
+    some = _Figure(moving.skeleton, moving.positions[chosen], moving.rotations[chosen])
+    lower, upper = (_between(getattr(some, part)(), getattr(models, part)()) for part in ("pelvis", "chest"))
+    bend = _between(some.pelvis().inv() * some.chest(), models.pelvis().inv() * models.chest())
+    angles = [_angles(upper, some.neck(), models.neck()), *2 * [bend.magnitude().reshape(len(chosen), -1)]]
+    for group, limb in pieces.items():
+        turn = lower if group in LEGS else upper
+        angles += [_angles(turn, some.directions(p.source), models.directions(p.target)) for p in limb]
+    apart = np.mean(angles, axis=0)
+    frame, model = np.unravel_index(int(apart.argmin()), apart.shape)
+    return int(chosen[frame]), int(model), float(apart.min())
+
+
+def _between(some: Rotation, others: Rotation) -> Rotation:
+    """(A * B) rotations that take each of B frames of axes to each of A, the second index running fastest."""
+    first, second = (each.as_quat() for each in (some, others))
+    return (
+        Rotation.from_quat(np.repeat(first, len(second), 0))
+        * Rotation.from_quat(np.tile(second, (len(first), 1))).inv()
+    )
+
+
+def _angles(turns: Rotation, some: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(A, B) between directions (A, 3) and (B, 3), after the turns that `_between` gives."""
+    shape = (len(some), len(others))
+    turned = turns.apply(np.tile(others, (len(some), 1))).reshape(*shape, 3)
+    return np.arccos(np.clip((turned * some[:, None]).sum(-1), -1, 1))
+
+
+def _answers(source: Skeleton, target: Skeleton, pieces: dict[int, tuple[Piece, ...]]) -> dict[int, np.ndarray]:
+    """For every bone of the target that has an answer: (S,) weights of the source's bones whose turns it takes."""
+    answers: dict[int, np.ndarray] = {}
+    for piece in (piece for group in pieces.values() for piece in group):
+        # Of several bones that answer to one, the longest tells its turn: a thigh's, not those of the hip's motors.
+        longest = piece.source[int(bone_lengths(source, piece.source).argmax())]
+        answers |= {bone: _one_hot(source.joints, longest) for bone in piece.target}
+    theirs, ours = spine_of(source), spine_of(target)
+    for bone, place in zip(ours.bones, ours.places, strict=True):
+        after = int(np.searchsorted(theirs.places, place).clip(1, max(len(theirs.places) - 1, 1)))
+        if len(theirs.bones) == 1:
+            answers[bone] = _one_hot(source.joints, theirs.bones[0])
+            continue
+        low, high = theirs.places[after - 1], theirs.places[after]
+        share = float(np.clip((place - low) / max(high - low, 1e-9), 0, 1))
+        answers[bone] = (1 - share) * _one_hot(source.joints, theirs.bones[after - 1])
+        answers[bone] += share * _one_hot(source.joints, theirs.bones[after])
+    return answers
+
+
+def _one_hot(count: int, index: int) -> np.ndarray:
+    row = np.zeros(count)
+    row[index] = 1.0
+    return row
+
+
+def _carried(
+    moving: _Figure,
+    still: _Figure,
+    anchor: _Figure,
+    answers: dict[int, np.ndarray],
+    pieces: dict[int, tuple[Piece, ...]],
+) -> np.ndarray:
+    """(T, J, 4) global rotations of the target: its reference pose in the source's, turned as the source turns."""
+    target = anchor.skeleton
+    reference = _reference_in_source_pose(still, anchor, pieces)
+    now, then = Rotation.from_quat, Rotation.from_quat(still.rotations[0])
+    frames = len(moving.rotations)
+    out = np.empty((frames, target.joints, 4))
+    turns = {
+        bone: now(moving.rotations[:, bone]) * then[bone].inv()
+        for bone in {int(b) for weights in answers.values() for b in np.flatnonzero(weights)}
+    }
+    for joint in range(target.joints):
+        parent = int(target.parents[joint])
+        if joint in answers:
+            turn = _blended(turns, answers[joint])
+            out[:, joint] = (turn * reference[joint]).as_quat()
+        elif parent < 0 or target.groups[joint] < 0:
+            out[:, joint] = anchor.rotations[0, joint]  # above or beside the body: as it was
+        else:  # no answer: it rides on its parent
+            own = Rotation.from_quat(anchor.rotations[0, parent]).inv() * Rotation.from_quat(
+                anchor.rotations[0, joint]
+            )
+            out[:, joint] = (now(out[:, parent]) * own).as_quat()
+    return _continuous(out)
+
+
+def _blended(turns: dict[int, Rotation], weights: np.ndarray) -> Rotation:
+    bones = np.flatnonzero(weights)
+    if len(bones) == 1:
+        return turns[int(bones[0])]
+    return _part_way(turns[int(bones[0])], turns[int(bones[1])], float(weights[bones[1]]))
+
+
+def _reference_in_source_pose(
+    still: _Figure, anchor: _Figure, pieces: dict[int, tuple[Piece, ...]]
+) -> dict[int, Rotation]:
+    """Global rotations of the target's joints with its figure turned, bone by bone, into the source's pose."""
+    lower, upper = (getattr(still, part)()[0] * getattr(anchor, part)()[0].inv() for part in ("pelvis", "chest"))
+    made = {joint: lower * Rotation.from_quat(q) for joint, q in enumerate(anchor.rotations[0])}
+    spine = spine_of(anchor.skeleton)
+    neck = _least_turn(upper.apply(anchor.neck()[0]), still.neck()[0])
+    for bone, place in zip(spine.bones, spine.places, strict=True):
+        turn = _part_way(lower, upper, min(float(place), 1.0))
+        made[bone] = (neck * upper if place > 1 else turn) * Rotation.from_quat(anchor.rotations[0, bone])
+    for group, limb in pieces.items():
+        lengths = [bone_lengths(anchor.skeleton, piece.target).sum() for piece in limb]
+        whole = lower if group in LEGS else upper
+        for piece, length in zip(limb, lengths, strict=True):
+            turn = _least_turn(whole.apply(anchor.directions(piece.target)[0]), still.directions(piece.source)[0])
+            if length < 0.6 * max(lengths) and turn.magnitude() < OWN_SHAPE_RAD:
+                turn = Rotation.identity()  # no upper arm, forearm, thigh or shin: its build, not its pose
+            for bone in piece.target:
+                made[bone] = turn * whole * Rotation.from_quat(anchor.rotations[0, bone])
+    return made
+
+
+def _part_way(first: Rotation, second: Rotation, share: float) -> Rotation:
+    return first * Rotation.from_rotvec(share * (first.inv() * second).as_rotvec())
+
+
+def _least_turn(have: np.ndarray, wanted: np.ndarray) -> Rotation:
+    """The smallest rotation that takes one unit vector to another."""
+    axis = np.cross(have, wanted)
+    sine, cosine = float(np.linalg.norm(axis)), float(have @ wanted)
+    if sine < 1e-9:
+        if cosine > 0:
+            return Rotation.identity()
+        other = np.eye(3)[int(np.abs(have).argmin())]
+        axis, sine = np.cross(have, other), float(np.linalg.norm(np.cross(have, other)))
+    return Rotation.from_rotvec(axis / sine * np.arctan2(np.linalg.norm(np.cross(have, wanted)), cosine))
+
+
+def _path(moving: _Figure) -> tuple[np.ndarray, np.ndarray]:
+    """The point on the floor under the first frame's hips (3,), and where the hips go (T, 3)."""
+    hips = _hips(moving.skeleton, moving.positions)
+    floor = float(floor_levels(moving.positions, find_feet(moving.skeleton)).min())
+    return np.array([hips[0, 0], floor, hips[0, 2]]), hips
+
+
+def _hips(skeleton: Skeleton, positions: np.ndarray) -> np.ndarray:
+    """(T, 3) the middle between the hip joints."""
+    return positions[:, [bones_of(skeleton, leg)[0] for leg in LEGS]].mean(axis=1)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
+def _continuous(rotations: np.ndarray) -> np.ndarray:
+    """The same rotations (T, J, 4) with signs that go on from frame to frame."""
+    same = (rotations[1:] * rotations[:-1]).sum(-1) >= 0
+    signs = np.cumprod(np.where(same, 1.0, -1.0), axis=0)
+    return np.concatenate([rotations[:1], rotations[1:] * signs[..., None]])

@@ -1,0 +1,81 @@
+"""Motion that leaves a key as it reached it: what a gap's velocity lacks at a key is lent to its first frames.
+
+Plain interpolation of a long gap keeps little of the keys' velocity, since nothing is known of the middle. Right
+beside a key much is: bodies do not stop dead. So the difference of the velocities on both sides of a key is added as
+an offset that starts with that slope and dies away, and with it the kink; the keys and the rest of the gap stay.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+from stages.shared.solve.local_pose import LocalPose
+
+VELOCITY_S = 1 / 30  # over which the velocity on a key's known side is taken, against the noise of single frames
+
+
+def ease_at_keys(pose: LocalPose, known: np.ndarray, fps: float, span_s: float) -> LocalPose:
+    """A filled pose without kinks at its keys.
+
+    Where the frames before or after a key are known, the gap takes over their velocity; at a lone key both gaps give
+    way by half.
+
+    Args:
+        pose: all T frames of a clip. known: (T,) bool; known frames come back value for value.
+        span_s: how long an offset lasts, seconds; in shorter gaps as long as the gap.
+    """
+    if span_s <= 0 or len(known) < 3:
+        return pose
+    curves = [_turns(pose.local), pose.roots.diff(dim=0)]
+    if pose.moves:
+        curves.append(pose.offsets.diff(dim=0))
+    offsets = [torch.zeros(len(known), *steps.shape[1:], dtype=steps.dtype, device=steps.device) for steps in curves]
+    behind = max(round(VELOCITY_S * fps), 1)
+    for key, side in _gap_edges(known):
+        frames = _gap_frames(known, key, side, round(span_s * fps))
+        whole = len(_gap_frames(known, key, side, len(known)))
+        span = min(round(span_s * fps), whole + 1)
+        share = torch.as_tensor(np.abs(frames - key) / span, device=pose.roots.device).float()
+        for steps, offset in zip(curves, offsets, strict=True):
+            lacking = _velocity(steps, known, key, -side, behind) - _velocity(steps, known, key, side, 1)
+            lone = not known[key - side]
+            bump = side * span * share * (1 - share) ** 2 * (0.5 if lone else 1.0)
+            offset[frames] += bump.view(-1, *[1] * (steps.dim() - 1)) * lacking
+    local = roma.quat_product(pose.local, roma.rotvec_to_unitquat(offsets[0]))
+    keep = torch.as_tensor(known, device=pose.roots.device)
+    local = torch.where(keep[:, None, None], pose.local, local)
+    return LocalPose(local, pose.roots + offsets[1], pose.offsets + offsets[2] if pose.moves else pose.offsets)
+
+
+def _turns(local: Tensor) -> Tensor:
+    """(T - 1, J, 3) rotation from frame to frame, in the joints' own axes."""
+    turns = roma.quat_product(roma.quat_conjugation(local[:-1]), local[1:])
+    return roma.unitquat_to_rotvec(torch.where(turns[..., 3:] < 0, -turns, turns))
+
+
+def _velocity(steps: Tensor, known: np.ndarray, key: int, side: int, most: int) -> Tensor:
+    """Mean step a frame on one side of a key: over up to `most` frames of the kind that lies next to it."""
+    frames = 1
+    while frames < most and 0 <= key + side * (frames + 1) < len(known) and known[key + side * (frames + 1)]:
+        frames += 1
+    part = steps[key : key + frames] if side > 0 else steps[key - frames : key]
+    return part.mean(0)
+
+
+def _gap_edges(known: np.ndarray) -> list[tuple[int, int]]:
+    """Keys beside a gap with a frame on their other side too, and where the gap lies: 1 after, -1 before."""
+    inner = np.flatnonzero(known[1:-1]) + 1
+    return [(int(key), side) for key in inner for side in (1, -1) if not known[key + side]]
+
+
+def _gap_frames(known: np.ndarray, key: int, side: int, most: int) -> np.ndarray:
+    """Up to `most` frames of the gap on one side of a key, the nearest first."""
+    frames = []
+    frame = key + side
+    while len(frames) < most and 0 <= frame < len(known) and not known[frame]:
+        frames.append(frame)
+        frame += side
+    return np.array(frames, np.int64)

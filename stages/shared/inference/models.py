@@ -1,0 +1,287 @@
+"""Trained networks in use: finding weights, loading them, and running them with no care for windows or devices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import InputError, UsageError
+from data_schemas.manifest import Artefact, open_artefact
+from stages.shared.inference.confidence import Confidence, read_confidence
+from stages.shared.kinematics.plain_interpolation import Glide
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
+from stages.shared.networks.pumps.cloud_decoder import CloudDecoder, grid_cells
+from stages.shared.networks.pumps.frame_encoder import FrameEncoder
+from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
+from stages.shared.weights.shipped import parts_of, weights_folder
+
+_FRAMES_AT_ONCE = 512  # clouds encoded in one call: enough to be fast, few enough to stay in memory
+
+
+@dataclass(frozen=True)
+class Autoencoder:
+    """An encoder and decoder in use, with what they were trained on."""
+
+    encoder: FrameEncoder
+    decoder: CloudDecoder
+    window: int
+    points: int
+    licences: tuple[str, ...]
+    digest: str
+    device: torch.device
+
+    def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
+        """Encode every frame of a clip.
+
+        Args:
+            points: (T, P, 3) metres. groups: (P,) body groups.
+
+        Returns: latents (T, D), centroids (T, 3), on the device; each frame's follow from that frame alone.
+        """
+        groups = groups.to(self.device)
+        parts = []
+        with torch.inference_mode():
+            for chunk in points.split(_FRAMES_AT_ONCE):
+                chunk = chunk.to(self.device, torch.float32)
+                parts.append(self.encoder(chunk, groups.expand(len(chunk), -1)))
+        return torch.cat([part[0] for part in parts]), torch.cat([part[1] for part in parts])
+
+    def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """Decode a clip of any length, by overlapping windows that are faded into each other.
+
+        Args:
+            latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising, real-valued.
+            groups: (P,) body groups of the points to make. noise: (P, Z) their identities.
+
+        Returns: (T, P, 3) metres.
+        """
+        out = torch.zeros(len(times), len(groups), 3, device=self.device)
+        weights = torch.zeros(len(times), 1, 1, device=self.device)
+        groups, noise = groups.to(self.device).unsqueeze(0), noise.to(self.device).unsqueeze(0)
+        latents, centroids, times = (part.to(self.device) for part in (latents, centroids, times))
+        with torch.inference_mode():
+            for start, stop, fade in overlapping_windows(len(times), self.window):
+                part = slice(start, stop)
+                fade = fade.to(self.device)[:, None, None]
+                made = self.decoder(
+                    latents[part].unsqueeze(0),
+                    centroids[part].unsqueeze(0),
+                    times[part].float().unsqueeze(0),
+                    groups,
+                    noise,
+                )
+                out[part] += fade * made[0]
+                weights[part] += fade
+        return out / weights
+
+    def draw_noise(self, points: int, seed: int) -> Tensor:
+        """Identities (points, Z), the same for the same seed on every device."""
+        if self.decoder.sizes.identities == "grid":
+            return grid_cells(points)
+        return torch.randn(points, self.decoder.sizes.noise, generator=torch.Generator().manual_seed(seed))
+
+
+@dataclass(frozen=True)
+class Models:
+    """All that filling needs."""
+
+    autoencoder: Autoencoder
+    synthesiser: LatentSynthesiser
+    window: int
+    longest_gap: int
+    licences: tuple[str, ...]
+    trained_on: str
+    name: str
+    confidence: Confidence | None = None
+
+    @property
+    def glide(self) -> Glide:
+        """How the plain interpolation that they were trained on goes on beyond the keys, seconds."""
+        sizes = self.synthesiser.sizes
+        return Glide(sizes.glide_root_s, sizes.glide_turn_s)
+
+    @property
+    def windows(self) -> tuple[int, int]:
+        """Frames in the synthesiser's and in the decoder's windows."""
+        return self.window, self.autoencoder.window
+
+    def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
+        """As `Autoencoder.encode`."""
+        return self.autoencoder.encode(points, groups)
+
+    def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """As `Autoencoder.decode`."""
+        return self.autoencoder.decode(latents, centroids, times, groups, noise)
+
+    def synthesise(
+        self,
+        latents: Tensor,
+        centroids: Tensor,
+        known: Tensor,
+        times: Tensor,
+        base: tuple[Tensor, Tensor] | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Fill the frames that are not known, of a clip of any length.
+
+        Windows overlap and are faded into each other; each is widened to hold the keys at both ends of its gaps.
+
+        Args:
+            latents: (T, D), read where known alone. centroids: (T, 3) metres. known: (T,) bool, at least one True.
+            times: (T,) model frames, rising, real-valued.
+            base: latents (T, D) and centroids (T, 3) of the skeleton's plain interpolation, which weights trained on
+                it need.
+
+        Returns: latents (T, D), centroids (T, 3).
+        Raises: InputError where these weights need a base and none is given.
+        """
+        if self.synthesiser.sizes.base == "skeleton" and base is None:
+            raise InputError(
+                "These weights fill between the keys of a skeleton, and there is none.",
+                "Give the motion whose keys are known, or weights trained with synthesiser.base = 'latent'.",
+            )
+        device = self.autoencoder.device
+        latents, centroids, known, times = (part.to(device) for part in (latents, centroids, known, times))
+        base = base if self.synthesiser.sizes.base == "skeleton" else None
+        base = None if base is None else (base[0].to(device), base[1].to(device))
+        out = torch.zeros_like(latents), torch.zeros_like(centroids)
+        weights = torch.zeros(len(times), 1, device=device)
+        with torch.inference_mode():
+            for start, stop, fade in overlapping_windows(len(times), self.window):
+                wide_start, wide_stop = _widened(known, start, stop)
+                part = slice(wide_start, wide_stop)
+                inner = slice(start - wide_start, stop - wide_start)
+                local = None if base is None else (base[0][part].unsqueeze(0), base[1][part].unsqueeze(0))
+                made = self.synthesiser(
+                    latents[part].unsqueeze(0),
+                    centroids[part].unsqueeze(0),
+                    known[part].unsqueeze(0),
+                    times[part].float().unsqueeze(0),
+                    None,
+                    local,
+                )
+                fade = fade.to(device).unsqueeze(1)
+                out[0][start:stop] += fade * made[0][0, inner]
+                out[1][start:stop] += fade * made[1][0, inner]
+                weights[start:stop] += fade
+        return out[0] / weights, out[1] / weights
+
+
+def overlapping_windows(frames: int, window: int) -> Iterator[tuple[int, int, Tensor]]:
+    """Windows over a clip, half overlapping, with weights that fade in and out where they overlap.
+
+    Yields: start, stop and (stop - start,) weights, all positive; where one window suffices its weights are one.
+    """
+    if frames <= window:
+        yield 0, frames, torch.ones(frames)
+        return
+    step = max(1, window // 2)
+    starts = [*range(0, frames - window, step), frames - window]
+    ramp = torch.linspace(0, 1, window + 2)[1:-1]
+    hill = torch.minimum(ramp, ramp.flip(0)) * 2
+    hill = hill * hill * (3 - 2 * hill)
+    for start in starts:
+        yield start, start + window, hill.clamp_min(1e-3)
+
+
+def window_seams(frames: int, windows: Sequence[int]) -> np.ndarray:
+    """(K,) frames of a clip of `frames` frames on both sides of where a window of one of these lengths begins or ends
+    inside it: where a pop would be, if windows did not fade into each other."""
+    spans = [span for window in windows for span in overlapping_windows(frames, window)]
+    inside = [edge for start, stop, _ in spans for edge in (start, stop) if 0 < edge < frames]
+    return np.array(sorted({frame for edge in inside for frame in (edge - 1, edge)}), np.int64)
+
+
+def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:
+    """The window grown to the nearest keys outside it, so that no gap in it is cut off from a key it has."""
+    keys = torch.nonzero(known).squeeze(1)
+    before, after = keys[keys <= start], keys[keys >= stop - 1]
+    wide_start = int(before[-1]) if len(before) else start
+    wide_stop = int(after[0]) + 1 if len(after) else stop
+    if not bool(known[wide_start:wide_stop].any()):  # beyond all keys: reach back to the nearest
+        wide_start = min(wide_start, int(keys[0]))
+        wide_stop = max(wide_stop, int(keys[-1]) + 1)
+    return wide_start, wide_stop
+
+
+def named_source(text: str) -> tuple[str, str]:
+    """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part."""
+    name, equals, source = text.partition("=")
+    if not equals:
+        return Path(text).name or text, text
+    if not name or not source:
+        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
+    return name, source
+
+
+def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
+    """The encoder and decoder of a checkpoint artefact. Raises InputError where it is none."""
+    artefact = open_artefact(path, "checkpoint")
+    kept = read_checkpoint(artefact, optimiser=False)
+    if kept.config.get("network") != "autoencoder":
+        raise InputError(f"{path} holds no autoencoder.", "Give the folder that `pumps train ae` wrote.")
+    chosen = choose_device(device)
+    encoder = FrameEncoder(EncoderSizes(**kept.config["encoder"]))
+    decoder = CloudDecoder(encoder.latent_width, DecoderSizes(**kept.config["decoder"]))
+    load_state(
+        encoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("encoder.")}, path
+    )
+    load_state(
+        decoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("decoder.")}, path
+    )
+    return Autoencoder(
+        encoder.to(chosen).eval(),
+        decoder.to(chosen).eval(),
+        int(kept.config["window"]),
+        int(kept.config["points"]),
+        tuple(artefact.manifest.licences),
+        artefact.manifest.digest,
+        chosen,
+    )
+
+
+def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: bool = True) -> Models:
+    """Weights by shipped name or folder, with the confidence beside them if wanted.
+
+    Raises: InputError where there are none, or the synthesiser was trained on another encoder.
+    """
+    folder = weights_folder(name_or_path)
+    ae, lms = parts_of(folder)
+    autoencoder = load_autoencoder(ae, device)
+    artefact: Artefact = open_artefact(lms, "checkpoint")
+    kept = read_checkpoint(artefact, optimiser=False)
+    if kept.config.get("encoder_digest") != autoencoder.digest:
+        raise InputError(
+            f"The synthesiser in {folder} was trained on another autoencoder than the one beside it.",
+            "Train it again with `pumps train lms`.",
+        )
+    synthesiser = LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**kept.config["synthesiser"]))
+    load_state(synthesiser, kept.weights, folder)
+    return Models(
+        autoencoder,
+        synthesiser.to(autoencoder.device).eval(),
+        int(kept.config["window"]),
+        int(kept.config["longest_gap"]),
+        tuple(artefact.manifest.licences),
+        str(kept.config.get("trained_on", "")),
+        str(name_or_path),
+        read_confidence(folder) if confidence else None,
+    )
+
+
+def load_state(network: torch.nn.Module, weights: dict[str, np.ndarray], path: object) -> None:
+    """Give a network its weights by name. Raises InputError where they do not fit."""
+    try:
+        network.load_state_dict(
+            {name: torch.from_numpy(np.array(value, np.float32)) for name, value in weights.items()}
+        )
+    except RuntimeError as error:
+        raise InputError(
+            f"The weights in {path} do not fit their own config: {error}.", "Train them again."
+        ) from None

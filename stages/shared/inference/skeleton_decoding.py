@@ -1,0 +1,160 @@
+"""Clouds to the motion of one rig, by the network that was trained for it (PC-MRL 3.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import InputError
+from data_schemas.manifest import open_artefact
+from data_schemas.skeleton import Motion
+from stages.shared.inference.models import load_state, overlapping_windows
+from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.networks.layers.sizes import EncoderSizes, SkeletonSizes
+from stages.shared.networks.pcmrl.skeleton_network import Seen, SkeletonNetwork
+from stages.shared.pointcloud.rig import Rig, pose_heads
+from stages.shared.solve.binding import bind_points
+from stages.shared.solve.local_pose import correct_pose, pose_of_motion, replace_rows
+from stages.shared.solve.solving import SolveOptions, solve_pose
+
+# The network's pose is right to a few centimetres, and the points have no error of their own.
+FROM_NETWORK = SolveOptions(point_noise_m=0.03, turn_prior_rad=0.3, shift_prior_m=0.1)
+_WINDOWS_AT_ONCE, _FRAMES_AT_ONCE = 16, 512  # in one call: enough to be fast, few enough to stay in memory
+
+
+@dataclass(frozen=True)
+class RigNetwork:
+    """A network in use, and the rig that it moves.
+
+    window: frames that it was trained on, and sees at once. points: of a cloud in training; any number will do.
+    """
+
+    network: SkeletonNetwork
+    rig: Rig
+    window: int
+    points: int
+    licences: tuple[str, ...]
+    trained_on: str
+    digest: str
+    device: torch.device
+
+    def pose(self, points: Tensor, groups: Tensor, fps: float = MODEL_FPS) -> tuple[Tensor, Tensor]:
+        """The pose of the rig's body in every frame of a clip of any length, by windows faded into each other.
+
+        Args:
+            points: (T, P, 3) metres. groups: (P,) body groups.
+            fps: of the clip; the network was trained at 30.
+
+        Returns: pelvis (T, 3) metres and global rotations (T, B, 4) of the body's bones, on the CPU.
+        """
+        frames, bones = len(points), len(self.rig.body.joints)
+        pelvis, turns, weights = torch.zeros(frames, 3), torch.zeros(frames, bones, 4), torch.zeros(frames)
+        times = torch.arange(self.window, device=self.device).unsqueeze(0) * (MODEL_FPS / fps)
+        with torch.inference_mode():
+            seen = self._see(points, groups.long())
+            plan = list(overlapping_windows(frames, self.window))
+            for first in range(0, len(plan), _WINDOWS_AT_ONCE):
+                some = plan[first : first + _WINDOWS_AT_ONCE]
+                part = Seen(*(torch.stack([each[start:stop] for start, stop, _ in some]) for each in seen))
+                length = part.yaw.shape[1]  # all windows of a clip are equally long
+                pose = self.network.pose(part, times[:, :length])
+                for row, (start, stop, fade) in enumerate(some):
+                    turned = _on_the_side_of(pose.rotations[row].cpu(), turns[start:stop])
+                    pelvis[start:stop] += fade[:, None] * pose.heads[row, :, 0].cpu()
+                    turns[start:stop] += fade[:, None, None] * turned
+                    weights[start:stop] += fade
+        return pelvis / weights[:, None], roma.quat_normalize(turns)
+
+    def _see(self, points: Tensor, groups: Tensor) -> Seen:
+        """Every frame by itself, once: features (T, W), centroids (T, 3), yaw (T,), on the device."""
+        yaw = self.network.headings(points.unsqueeze(0).float(), groups.unsqueeze(0))[0]
+        groups = groups.to(self.device).unsqueeze(0)
+        parts = []
+        for chunk, turn in zip(points.split(_FRAMES_AT_ONCE), yaw.split(_FRAMES_AT_ONCE), strict=True):
+            chunk = chunk.to(self.device, torch.float32).unsqueeze(0)
+            parts.append(self.network.see(chunk, groups, turn.to(self.device).unsqueeze(0)))
+        return Seen(*(torch.cat([part[0] for part in column]) for column in zip(*parts, strict=True)))
+
+
+def _on_the_side_of(rotations: Tensor, guide: Tensor) -> Tensor:
+    """Quaternions with the sign that agrees with the guide's."""
+    return torch.where((rotations * guide).sum(-1, keepdim=True) < 0, -rotations, rotations)
+
+
+def decode_cloud(
+    network: RigNetwork, points: Tensor | np.ndarray, groups: Tensor | np.ndarray, fps: float = 30.0
+) -> Motion:
+    """The rig's motion that is most like a cloud.
+
+    Args:
+        points: (T, P, 3) metres, Y up; positions alone, of any skeleton or none.
+        groups: (P,) body groups 0 to 4.
+        fps: frames a second.
+
+    Returns: T frames of `network.rig.skeleton`; joints that no point sees stay at rest.
+    Raises: InputError where the cloud is empty, not finite, or lacks its groups.
+    """
+    points = torch.as_tensor(points, dtype=torch.float32)
+    groups = torch.as_tensor(np.asarray(groups)).long()
+    if points.dim() != 3 or points.shape[2] != 3 or min(points.shape) == 0 or groups.shape != points.shape[1:2]:
+        raise InputError(
+            f"A cloud of shape {tuple(points.shape)} with {len(groups)} body groups is none.",
+            "Give points (frames, points, 3) and a group for each point.",
+        )
+    if not bool(torch.isfinite(points).all()) or not bool(((groups >= 0) & (groups < GROUPS)).all()):
+        raise InputError("The cloud has a position that is not finite, or a body group that is none.", "Mend it.")
+    return network.rig.motion(*network.pose(points, groups, fps), fps)
+
+
+def solve_from_network(
+    network: RigNetwork, points: Tensor | np.ndarray, groups: Tensor | np.ndarray, fps: float = 30.0
+) -> Motion:
+    """The network's motion, then the solve: points that ride on a bone are made to stand still in its frame.
+
+    As `decode_cloud`, of which it takes off what varies from frame to frame; where on the bones the points ride, and
+    so what is wrong in every frame alike, is the network's word.
+    """
+    skeleton = network.rig.skeleton
+    motion = decode_cloud(network, points, groups, fps)
+    cloud = torch.as_tensor(points, dtype=torch.float32)
+    pose = pose_of_motion(skeleton, motion)
+    binding = bind_points(cloud, torch.as_tensor(np.asarray(groups)), skeleton, *pose.world(skeleton.parents))
+    solved = solve_pose(cloud, binding, *pose, skeleton.parents, skeleton.root, FROM_NETWORK)
+    corrected = correct_pose(pose, solved.turns, solved.shifts, skeleton, motion.track_joints)
+    return replace_rows(skeleton, motion, corrected, np.arange(motion.frames))
+
+
+def body_heads(rig: Rig, pelvis: Tensor, rotations: Tensor) -> Tensor:
+    """Heads (T, B, 3) of the body's bones in a pose, metres."""
+    return pose_heads(rig.body, pelvis, rotations)
+
+
+def load_rig_network(path: str | Path, device: str = "auto") -> RigNetwork:
+    """The network of a checkpoint that `pumps train skeleton` wrote. Raises InputError where it is none."""
+    artefact = open_artefact(path, "checkpoint")
+    kept = read_checkpoint(artefact, optimiser=False)
+    if kept.config.get("network") != "skeleton":
+        raise InputError(f"{path} holds no network of a rig.", "Give the folder that `pumps train skeleton` wrote.")
+    rig = Rig.of_plain(kept.config.get("rig"))
+    chosen = choose_device(device)
+    network = SkeletonNetwork(
+        rig.body, EncoderSizes(**kept.config["encoder"]), SkeletonSizes(**kept.config["skeleton"])
+    )
+    load_state(network, kept.weights, path)
+    return RigNetwork(
+        network.to(chosen).eval(),
+        rig,
+        int(kept.config["window"]),
+        int(kept.config["points"]),
+        tuple(artefact.manifest.licences),
+        str(kept.config.get("trained_on", "")),
+        artefact.manifest.digest,
+        chosen,
+    )

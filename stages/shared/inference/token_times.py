@@ -1,0 +1,71 @@
+"""The times at which a clip is seen by the models: 30 a second, and every key that matters at its exact time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stages.shared.kinematics.conventions import MODEL_FPS
+
+CLEARANCE = 0.5  # model frames; a 30 fps time nearer than this to a key gives way to it
+SPREAD = 48
+
+
+@dataclass(frozen=True)
+class Tokens:
+    """Times of the N tokens of a clip.
+
+    times:  (N,) float64, strictly rising, in model frames (30 a second) from the clip's frame 0.
+    is_key: (N,) bool, True where a known frame lies exactly there.
+    fps:    the clip's own rate.
+    """
+
+    times: np.ndarray
+    is_key: np.ndarray
+    fps: float
+
+    def nearest(self, frames: np.ndarray) -> np.ndarray:
+        """Index of the token nearest to each of the clip's frames; of a gap's frames, a token of that gap."""
+        wanted = np.asarray(frames) * (MODEL_FPS / self.fps)
+        after = np.clip(np.searchsorted(self.times, wanted), 1, max(len(self.times) - 1, 1))
+        near = np.where(wanted - self.times[after - 1] < self.times[after] - wanted, after - 1, after)
+        # A missing frame beside a key belongs to the gap, not to the key.
+        inward = np.where(wanted > self.times[near], near + 1, near - 1).clip(0, len(self.times) - 1)
+        return np.where(self.is_key[near], inward, near)
+
+    def gaps(self) -> list[np.ndarray]:
+        """Runs of tokens that are no keys, as arrays of indices."""
+        free = np.flatnonzero(~self.is_key)
+        return [run for run in np.split(free, np.flatnonzero(np.diff(free) > 1) + 1) if len(run)]
+
+    def spread(self) -> np.ndarray:
+        """Indices of some tokens, evenly over the clip: enough to see how points ride on bones."""
+        return np.unique(np.linspace(0, len(self.times) - 1, SPREAD).round().astype(np.int64))
+
+
+def choose_tokens(keys: np.ndarray, frames: int, fps: float) -> Tokens:
+    """Tokens of a clip whose known frames are `keys` (K,).
+
+    Keys beside a missing frame, and the clip's first and last frame, are tokens at their exact times. Between them
+    come the times of a 30 fps clock: in a gap as they are, among known frames as the known frame nearest to each.
+    """
+    rate = MODEL_FPS / fps
+    known = np.zeros(frames, bool)
+    known[keys] = True
+    beside = known.copy()
+    beside[1:-1] &= ~(known[2:] & known[:-2])
+    fixed = np.union1d(np.flatnonzero(beside), [0, frames - 1])
+    fixed_times = fixed * rate
+    clock = np.arange(0.0, (frames - 1) * rate + 1e-9)
+    frame = np.rint(clock / rate).astype(np.int64).clip(0, frames - 1)
+    before = np.floor(clock / rate + 1e-9).astype(np.int64).clip(0, frames - 1)
+    among = known[before] & known[np.minimum(before + 1, frames - 1)]
+    clock = np.where(among, frame * rate, clock)
+    place = np.searchsorted(fixed_times, clock)
+    left = np.abs(clock - fixed_times[np.maximum(place - 1, 0)])
+    right = np.abs(clock - fixed_times[np.minimum(place, len(fixed) - 1)])
+    free = np.minimum(left, right) >= CLEARANCE
+    times, first = np.unique(np.concatenate([fixed_times, clock[free]]), return_index=True)
+    is_key = np.concatenate([known[fixed], among[free]])[first]
+    return Tokens(times, is_key, fps)

@@ -1,0 +1,82 @@
+"""How fast a motion seems to be played: twice too fast where its file names half of its true frame time.
+
+Bodies of one size under one gravity move at like speeds, and a clip that is played at another speed is out of line in
+several ways at once: speeds, the ratio of acceleration to speed, how hard the pelvis is thrown down. Six such
+figures, all logarithms and without unit, go into a quadratic regression of log2 of the playback speed, fitted by
+`benchmarks/playback_speed.py` on recordings played at half, their own and twice their speed; its table says how often
+it is right. It is a hint and no proof: slow styles exist, and so do fast ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from data_schemas.errors import InputError
+from data_schemas.skeleton import BODY_GROUPS, Skeleton
+from stages.shared.kinematics.foot_contacts import find_feet
+
+GRAVITY = 9.81
+LOW_PASS_HZ = 12.0
+LEAST_S = 1.0
+LONGEST_S = 40.0  # more of a clip tells nothing new
+SUSPECT = 0.6  # |log2 of the speed| from which a frame rate is suspected
+
+# The regression's weights: of the figures, of their squares, and the constant. Made by benchmarks/playback_speed.py.
+WEIGHTS = np.array(
+    [
+        *(-0.54851, 0.62742, 1.6391, 0.15832, 0.18281, -0.20778),
+        *(-0.075871, 0.2355, -0.21812, 0.029499, 0.0974, -0.12483),
+        -3.2931,
+    ]
+)
+
+
+def log_speed(skeleton: Skeleton, positions: np.ndarray, fps: float) -> float | None:
+    """log2 of the speed at which the motion seems to be played: 0 is right, 1 twice too fast, -1 half as fast.
+
+    Args:
+        positions: (T, J, 3) joints in the world, metres, Y up.
+
+    Returns: None for a clip shorter than a second, one that stands still, or a figure without legs.
+    """
+    figures = speed_figures(skeleton, positions, fps)
+    return None if figures is None else float(design(figures[None])[0] @ WEIGHTS)
+
+
+def speed_figures(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.ndarray | None:
+    """(6,) what the regression looks at; None where there is nothing to see."""
+    positions = positions[: int(LONGEST_S * fps)].astype(np.float64)
+    try:
+        leg = find_feet(skeleton).leg_m
+    except InputError:
+        return None
+    ends = [np.flatnonzero((skeleton.groups == group) & skeleton.sampled)[-1:] for group in range(len(BODY_GROUPS))]
+    if len(positions) < LEAST_S * fps or leg <= 0 or not all(len(end) for end in ends):
+        return None
+    pelvis = positions[:, skeleton.root] / leg
+    reaching = positions[:, np.concatenate(ends)] / leg - pelvis[:, None]
+    if fps > 3 * LOW_PASS_HZ:
+        smooth = butter(4, LOW_PASS_HZ / (fps / 2), output="sos")
+        pelvis, reaching = (sosfiltfilt(smooth, each, axis=0) for each in (pelvis, reaching))
+    velocities, accelerations = np.diff(reaching, axis=0) * fps, np.diff(reaching, 2, axis=0) * fps**2
+    speeds, pushes = (np.sqrt(np.square(each).sum(-1).mean(0)) for each in (velocities, accelerations))
+    if speeds.mean() < 1e-3:
+        return None
+    thrown = np.diff(pelvis[:, 1], 2) * fps**2 * leg / GRAVITY
+    travel = np.linalg.norm(np.diff(pelvis, axis=0), axis=-1).mean() * fps
+    return np.array(
+        [
+            np.log(speeds.mean()),
+            np.log(np.percentile(np.linalg.norm(velocities, axis=-1), 95) + 1e-6),
+            np.log(np.median(pushes / (speeds + 1e-9)) + 1e-6),
+            np.log(max(np.percentile(-thrown, 99), 0.0) + 0.02),
+            np.log(np.std(thrown) + 0.02),
+            np.log(travel + 0.05),
+        ]
+    )
+
+
+def design(figures: np.ndarray) -> np.ndarray:
+    """(N, 13) rows of the regression from (N, 6) figures."""
+    return np.concatenate([figures, figures**2, np.ones((len(figures), 1))], axis=1)

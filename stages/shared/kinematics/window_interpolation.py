@@ -1,0 +1,116 @@
+"""Plain interpolation of a batch of windows of different skeletons at once, on bones' global transforms."""
+
+from __future__ import annotations
+
+import roma
+import torch
+from torch import Tensor
+
+from stages.shared.kinematics.plain_interpolation import (
+    DAMPING,
+    Damping,
+    Glide,
+    damped_smoothness,
+    glide_on,
+    interpolate_pose,
+)
+
+_APART = 100_000.0  # frames between windows on the joined timeline: no tangent reaches across
+
+
+def interpolate_windows(
+    heads: Tensor,
+    rotations: Tensor,
+    parents: Tensor,
+    known: Tensor,
+    *,
+    rate_hz: float,
+    glide: Glide | None = None,
+    damping: Damping = DAMPING,
+) -> tuple[Tensor, Tensor]:
+    """What the damped `interpolate_pose` makes of each window's known frames, by its own hierarchy.
+
+    The windows are laid on one long timeline, so that one call serves them all; a window that ends (or begins)
+    without a key holds its last (first) one, or glides on from it.
+
+    Args:
+        heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
+        parents: (B, J), -1 for roots and unused bones, parents before children.
+        known: (B, T), at least one True in every row; other frames are not read.
+        rate_hz: frames in a second; long gaps leave slerp less, as `damping` has it (`damped_smoothness`).
+        glide: how to go on before the first and after the last key, in frames; None holds them.
+
+    Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
+    """
+    batch, frames, bones = heads.shape[:3]
+    index = parents.clamp_min(0)
+    has_parent = (parents >= 0).unsqueeze(-1)
+    window, frame = _held_keys(known)
+    source = _nearest_known(known)[window, frame]
+    key_heads = heads[window, source]
+    local, offsets = _in_parents(key_heads, rotations[window, source], index[window], has_parent[window])
+
+    times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
+    key_times = times[window, frame]
+    smooth = damped_smoothness(key_times, rate_hz, damping)
+    local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
+    local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
+    if glide is not None and any(glide):
+        row, at, edge, inner = _beyond_keys(known)
+        edges, inners = (
+            _in_parents(heads[row, key], rotations[row, key], index[row], has_parent[row]) for key in (edge, inner)
+        )
+        gap, away = (edge - inner).abs().float(), (at - edge).abs().float()
+        local[row, at], offsets[row, at] = glide_on((edges[0], inners[0]), (edges[1], inners[1]), gap, away, glide)
+
+    out_heads, out_rotations = offsets.clone(), local.clone()
+    rows = torch.arange(batch)
+    for bone in range(1, bones):  # parents come before children
+        turn = out_rotations[rows, :, index[:, bone]]
+        place = out_heads[rows, :, index[:, bone]]
+        hangs = has_parent[:, bone].unsqueeze(1)
+        out_rotations[:, :, bone] = torch.where(hangs, roma.quat_product(turn, local[:, :, bone]), local[:, :, bone])
+        moved = place + roma.quat_action(turn, offsets[:, :, bone])
+        out_heads[:, :, bone] = torch.where(hangs, moved, offsets[:, :, bone])
+    return out_heads, out_rotations
+
+
+def _in_parents(heads: Tensor, rotations: Tensor, index: Tensor, has_parent: Tensor) -> tuple[Tensor, Tensor]:
+    """Rotations (N, J, 4) and places (N, J, 3) in the parents' frames, of frames N with parents `index` (N, J)."""
+    above = roma.quat_conjugation(torch.gather(rotations, 1, index.unsqueeze(-1).expand(-1, -1, 4)))
+    local = torch.where(has_parent, roma.quat_product(above, rotations), rotations)
+    apart = heads - torch.gather(heads, 1, index.unsqueeze(-1).expand(-1, -1, 3))
+    return local, torch.where(has_parent, roma.quat_action(above, apart), heads)
+
+
+def _beyond_keys(known: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Windows and frames (N,) before the first or after the last key, that key's frame, and the frame of the key next
+    to it (the same where there is no other)."""
+    frames = torch.arange(known.shape[1]).expand_as(known)
+    far = known.shape[1]
+    first = torch.where(known, frames, far).amin(1, keepdim=True)
+    last = torch.where(known, frames, -1).amax(1, keepdim=True)
+    second = torch.where(known & (frames > first), frames, far).amin(1, keepdim=True)
+    last_but_one = torch.where(known & (frames < last), frames, -1).amax(1, keepdim=True)
+    edge = torch.where(frames > last, last, first)
+    inner = torch.where(frames > last, last_but_one, second)
+    inner = torch.where((inner < 0) | (inner == far), edge, inner)
+    row, at = ((frames < first) | (frames > last)).nonzero(as_tuple=True)
+    return row, at, edge[row, at], inner[row, at]
+
+
+def _held_keys(known: Tensor) -> tuple[Tensor, Tensor]:
+    """Windows and frames of all keys, with keys added at the ends of windows that have none there."""
+    with_ends = known.clone()
+    with_ends[:, 0] = True
+    with_ends[:, -1] = True
+    window, frame = with_ends.nonzero(as_tuple=True)
+    return window, frame
+
+
+def _nearest_known(known: Tensor) -> Tensor:
+    """(B, T): the known frame that a frame would hold: the last one up to it, or else the first."""
+    frames = torch.arange(known.shape[1]).expand_as(known)
+    before = torch.where(known, frames, -1).cummax(dim=1).values
+    first = known.int().argmax(dim=1, keepdim=True)
+    return torch.where(before < 0, first, before)

@@ -1,0 +1,70 @@
+"""Presets: named TOML files with a table for each stage; `extends` names the preset that one builds on."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import UsageError
+from stages.registry import NAMES, OLD_NAMES, PIPELINE
+from stages.shared.settings.layers import Layer, settle_file_part
+from stages.shared.toml import read_toml
+
+
+def preset_names() -> list[str]:
+    """The presets that ship with pumps, in alphabetical order."""
+    return sorted(path.stem for path in _folder().glob("*.toml"))
+
+
+def preset_path(name: str) -> Path:
+    """The file of a preset. Raises UsageError when there is none of this name."""
+    if name not in preset_names():
+        raise UsageError(f"There is no preset {name!r}.", f"Take one of {', '.join(preset_names())}.")
+    return _folder() / f"{name}.toml"
+
+
+def preset_layers(name: str, stage: str) -> list[Layer]:
+    """What a preset, and those it builds on, say of a stage; the one named comes last."""
+    chain: list[tuple[str, dict[str, Any]]] = []
+    following: str | None = name
+    while following is not None:
+        if following in (seen for seen, _ in chain):
+            raise UsageError(f"Preset {name!r} extends itself.")
+        tables = _tables(preset_path(following))
+        chain.append((following, tables))
+        following = tables.get("extends")
+    return [Layer(f"preset {each}", tables.get(stage, {})) for each, tables in reversed(chain)]
+
+
+def file_layer(path: Path, stage: str) -> Layer:
+    """What a settings file says of a stage: its table of that name, or else all its top-level keys.
+
+    A file whose top level holds only tables named after stages is read as a preset is.
+    """
+    values = _tables(path)
+    if stage in values:
+        return Layer(str(path), values[stage])
+    if values and all(key in NAMES for key in values if key != "extends"):
+        return Layer(str(path), {})
+    return Layer(str(path), values)
+
+
+def check_preset(name: str) -> None:
+    """Raises UsageError when the preset names a stage that is not, or a setting that a stage does not have."""
+    unknown = [key for key in _tables(preset_path(name)) if key not in NAMES and key != "extends"]
+    if unknown:
+        raise UsageError(f"Preset {name!r} has a table for no stage: {', '.join(unknown)}.")
+    for stage in PIPELINE:
+        settle_file_part(stage.config_type(), preset_layers(name, stage.name), what=f"preset {name}, [{stage.name}]")
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    """A file's tables and keys; a table that has a stage's old name is the stage's, if none has its new one."""
+    values = read_toml(path)
+    old = {key: OLD_NAMES[key] for key, table in values.items() if key in OLD_NAMES and isinstance(table, dict)}
+    return {old.get(key, key): table for key, table in values.items() if old.get(key) not in values}
+
+
+def _folder() -> Path:
+    return Path(str(files("stages.shared.presets")))

@@ -1,0 +1,51 @@
+"""Where a solve may start when its base is far from the cloud: bones fitted rigidly to their own points."""
+
+from __future__ import annotations
+
+import roma
+import torch
+from torch import Tensor
+
+from stages.shared.solve.solve_equations import Base, Chain, Pose, forward
+
+START_BELIEF = 0.01  # square metres: in a rigid start, four points at 5 cm say as much as the parent's turn
+
+
+def rigid_start(targets: Tensor, chain: Chain, base: Base) -> Pose:
+    """Each bone turned by the rigid fit of its own points (Kabsch), as far as they tell; else with its parent.
+
+    The body as a whole is fitted first, then bone after bone down the chain, each with a few points' worth of belief
+    in moving along with its parent.
+    """
+    start = Pose(base.local, base.root)
+    rotations, heads = forward(start, chain, base)
+    points = heads[:, chain.bones] + (rotations[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
+    weights = chain.weights.unsqueeze(-1)
+    total = weights.sum().clamp(min=1e-12)
+    middle, wanted = ((weights * cloud).sum(1, keepdim=True) / total for cloud in (points, targets))
+    whole = (weights * (targets - wanted)).transpose(-1, -2) @ (points - middle)
+    turn = _nearest_rotation(whole)
+
+    # Of each bone: sum of w (target - mean) (in_bone - mean)'.
+    mass = (chain.riding @ chain.weights).clamp(min=1e-12)
+    mean = (chain.riding @ (weights * chain.in_bone)) / mass.unsqueeze(-1)
+    arms = weights * (chain.in_bone - mean[chain.bones])
+    spread = chain.riding @ (targets.unsqueeze(-1) * arms.unsqueeze(-2)).flatten(-2)
+    spread = spread.unflatten(-1, (3, 3))
+    belief = START_BELIEF * chain.weights.amax()
+    local = base.local.clone()
+    world = torch.empty_like(rotations)
+    world[:, 0] = _nearest_rotation(spread[:, 0] + belief * (turn @ base.local[:, 0]))
+    local[:, 0] = world[:, 0]
+    for children, parents in chain.levels:
+        along = world[:, parents] @ base.local[:, children]
+        world[:, children] = _nearest_rotation(spread[:, children] + belief * along)
+        local[:, children] = world[:, parents].transpose(-1, -2) @ world[:, children]
+    _, heads = forward(Pose(local, base.root), chain, base)
+    placed = heads[:, chain.bones] + (world[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
+    return Pose(local, base.root + (weights * (targets - placed)).sum(1) / total)
+
+
+def _nearest_rotation(matrix: Tensor) -> Tensor:
+    """The rotation (..., 3, 3) nearest to a matrix: of all, the one with the largest inner product."""
+    return torch.as_tensor(roma.special_procrustes(matrix))

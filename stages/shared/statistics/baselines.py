@@ -1,0 +1,161 @@
+"""The plain ways to fill, which every figure stands beside. All windows of a batch are filled at once.
+
+- lerp: joints' global positions and quaternions on straight lines between keys; bones may shrink on the way.
+- slerp: local rotations on great circles, root and translation tracks on straight lines, then forward kinematics.
+- cubic: the same with tangents that neighbouring segments share.
+- damped: between the two, the less cubic the longer the gap: what filling starts from, and so what models add to.
+- zero velocity, constant velocity: for prediction, where there is no key to go to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.forward import (
+    global_rotations,
+    joint_positions,
+    local_rotations,
+    offsets_over_time,
+)
+from stages.shared.kinematics.plain_interpolation import Smoothness, damped_smoothness, interpolate_pose
+
+
+@dataclass(frozen=True)
+class Poses:
+    """B windows of T frames on one skeleton, float32.
+
+    rotations: (B, T, J, 4) global; roots: (B, T, 3) of joint 0; offsets: (B, T, J, 3); parents: (J,);
+    positions: (B, T, J, 3), the joints in the world.
+    """
+
+    rotations: Tensor
+    roots: Tensor
+    offsets: Tensor
+    positions: Tensor
+    parents: np.ndarray
+
+    @classmethod
+    def of(cls, skeleton: Skeleton, motions: list[Motion]) -> Poses:
+        """The windows of one skeleton, all of one length."""
+        rotations = torch.stack([torch.as_tensor(m.rotations) for m in motions])
+        roots = torch.stack([torch.as_tensor(m.root_positions) for m in motions])
+        steady = [offsets_over_time(skeleton, m).expand(m.frames, -1, 3) for m in motions]
+        return cls.from_joints(rotations, roots, torch.stack(steady), skeleton.parents)
+
+    @classmethod
+    def from_joints(cls, rotations: Tensor, roots: Tensor, offsets: Tensor, parents: np.ndarray) -> Poses:
+        """Poses from global rotations, with positions by forward kinematics."""
+        return cls(rotations, roots, offsets, joint_positions(rotations, roots, offsets, parents), parents)
+
+    def local(self) -> Tensor:
+        """(B, T, J, 4) rotations in the parents' frames."""
+        return local_rotations(self.rotations, self.parents)
+
+
+Filled = tuple[np.ndarray, np.ndarray]
+"""Filled windows: global positions (B, T, J, 3) and quaternions (B, T, J, 4). A baseline reads known frames alone."""
+
+
+def lerp(poses: Poses, known: np.ndarray) -> Filled:
+    """Straight lines in the world; quaternions renormalised. known: (T,) bool."""
+    keys = np.flatnonzero(known)
+    share = torch.as_tensor(_line_weights(keys, len(known)), dtype=torch.float32)
+    quaternions = _sign_continuous(poses.rotations[:, keys])
+    rotations = torch.einsum("tk,bkjc->btjc", share, quaternions)
+    positions = torch.einsum("tk,bkjc->btjc", share, poses.positions[:, keys])
+    return positions.numpy(), torch.nn.functional.normalize(rotations, dim=-1).numpy()
+
+
+def slerp(poses: Poses, known: np.ndarray) -> Filled:
+    """Great circles of local rotations."""
+    return _interpolated(poses, known, smooth=0.0)
+
+
+def cubic(poses: Poses, known: np.ndarray) -> Filled:
+    """Slerp's smooth relative, without a kink at the keys."""
+    return _interpolated(poses, known, smooth=1.0)
+
+
+def damped(poses: Poses, known: np.ndarray) -> Filled:
+    """The plain interpolation that filling starts from: cubic in short gaps, slerp in long ones."""
+    keys = torch.as_tensor(np.flatnonzero(known), dtype=torch.float64)
+    return _interpolated(poses, known, smooth=damped_smoothness(keys, MODEL_FPS))
+
+
+def zero_velocity(poses: Poses, known: np.ndarray) -> Filled:
+    """The last known frame, held."""
+    held = np.maximum.accumulate(np.where(known, np.arange(len(known)), 0))
+    return poses.positions[:, held].numpy(), poses.rotations[:, held].numpy()
+
+
+def constant_velocity(poses: Poses, known: np.ndarray) -> Filled:
+    """The step from the last known frame but one to the last, repeated, in local rotations and translations."""
+    last = int(np.flatnonzero(known)[-1])
+    steps = torch.arange(len(known), dtype=torch.float32) - last
+    steps = torch.where(torch.as_tensor(known), 0.0, steps).clamp(min=0)
+    anchor = torch.as_tensor(np.where(known, np.arange(len(known)), last))
+    local = poses.local()
+    turn = roma.quat_product(roma.quat_conjugation(local[:, last - 1]), local[:, last])
+    turn = roma.unitquat_to_rotvec(torch.where(turn[..., 3:] < 0, -turn, turn))
+    advanced = roma.rotvec_to_unitquat(turn[:, None] * steps[None, :, None, None])
+    rotations = global_rotations(roma.quat_product(local[:, anchor], advanced), poses.parents)
+    roots = poses.roots[:, anchor] + (poses.roots[:, last] - poses.roots[:, last - 1])[:, None] * steps[:, None]
+    drift = (poses.offsets[:, last] - poses.offsets[:, last - 1])[:, None]
+    offsets = poses.offsets[:, anchor] + drift * steps[:, None, None]
+    return _arrays(Poses.from_joints(rotations, roots, offsets, poses.parents))
+
+
+BASELINES: dict[str, Callable[[Poses, np.ndarray], Filled]] = {
+    "lerp": lerp,
+    "slerp": slerp,
+    "cubic": cubic,
+    "damped": damped,
+}
+PREDICTION_BASELINES: dict[str, Callable[[Poses, np.ndarray], Filled]] = {
+    "zero-velocity": zero_velocity,
+    "constant-velocity": constant_velocity,
+}
+
+
+def _interpolated(poses: Poses, known: np.ndarray, smooth: Smoothness) -> Filled:
+    """All windows in one call: joints are interpolated each on its own, so windows can pass as more joints."""
+    keys = np.flatnonzero(known)
+    batch, frames, joints = poses.rotations.shape[:3]
+    local = _windows_as_joints(poses.local()[:, keys])
+    # The root's position rides along as one more offset of every window.
+    offsets = _windows_as_joints(torch.cat([poses.offsets[:, keys], poses.roots[:, keys, None]], dim=2))
+    key_times = torch.as_tensor(keys, dtype=torch.float64)
+    times = torch.arange(frames, dtype=torch.float64)
+    local, _, offsets = interpolate_pose(local, offsets[:, 0], offsets, key_times, times, smooth=smooth)
+    offsets = offsets.reshape(frames, batch, joints + 1, 3).transpose(0, 1)
+    rotations = global_rotations(local.reshape(frames, batch, joints, 4).transpose(0, 1), poses.parents)
+    return _arrays(Poses.from_joints(rotations, offsets[:, :, -1], offsets[:, :, :-1], poses.parents))
+
+
+def _windows_as_joints(values: Tensor) -> Tensor:
+    """(B, K, J, C) to (K, B * J, C)."""
+    return values.transpose(0, 1).flatten(1, 2)
+
+
+def _arrays(poses: Poses) -> Filled:
+    return poses.positions.numpy(), poses.rotations.numpy()
+
+
+def _line_weights(keys: np.ndarray, frames: int) -> np.ndarray:
+    """(frames, K) shares of the keys in each frame; before the first and after the last key that key is held."""
+    times = np.arange(frames)
+    return np.stack([np.interp(times, keys, row) for row in np.eye(len(keys))], axis=1)
+
+
+def _sign_continuous(quaternions: Tensor) -> Tensor:
+    turned = (quaternions[:, 1:] * quaternions[:, :-1]).sum(-1, keepdim=True) < 0
+    signs = torch.where(turned, -1.0, 1.0).cumprod(dim=1)
+    return torch.cat([quaternions[:, :1], quaternions[:, 1:] * signs], dim=1)

@@ -1,0 +1,241 @@
+"""From rows to tables: averages over clips, intervals, ratios to the plain baseline, and their Markdown."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from data_schemas.metrics import MetricRow
+from stages.shared.statistics.bootstrap import Estimate, mean_interval, ratio_interval
+from stages.shared.statistics.figures import METRICS, POWER_WEIGHTED, TRUTH
+from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, RECONSTRUCTION, RETARGETING, TRANSITION
+
+ALL = "all archives"
+TASK_WORDS = {
+    INTERPOLATION: "Interpolation, frames between keys",
+    TRANSITION: "Transition, missing frames",
+    PREDICTION: "Prediction, last frames",
+    RETARGETING: "Retargeting, spread of the clouds in mm",
+    RECONSTRUCTION: "Reconstruction, known frames",
+}
+DIGITS = 3
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One figure of a table: the average over clips, and its ratio to the baseline's or truth's on the same clips."""
+
+    mean: Estimate
+    ratio: Estimate | None
+    clips: int
+    windows: int
+
+
+Key = tuple[str, str, int, str, str]  # scope, task, interval, metric, method
+
+
+def baseline_of(task: str) -> str:
+    """The method that ratios are taken to."""
+    return "zero-velocity" if task == PREDICTION else "slerp"
+
+
+def cells(rows: Iterable[MetricRow], seed: int = 0) -> dict[Key, Cell]:
+    """Every average that the rows give: for each archive, and for all together.
+
+    A clip weighs as many windows as it has; for NPSS, the power of its windows.
+    """
+    grouped: dict[Key, dict[tuple[str, str], MetricRow]] = defaultdict(dict)
+    for row in rows:
+        for scope in (row.archive, ALL):
+            grouped[scope, row.task, row.interval, row.metric, row.method][row.archive, row.clip] = row
+    return {key: _cell(key, group, grouped, seed) for key, group in grouped.items()}
+
+
+def _cell(key: Key, group: dict, grouped: dict[Key, dict], seed: int) -> Cell:
+    scope, task, interval, metric, method = key
+    beside = TRUTH if METRICS[metric].beside_truth else baseline_of(task)
+    base = grouped.get((scope, task, interval, metric, beside), {})
+    clips = sorted(group)
+    values, weights = _columns(group, clips, metric)
+    ratio = None
+    compared = METRICS[metric].beside_truth or not METRICS[metric].feel
+    if compared and method not in (beside, TRUTH) and base.keys() == group.keys():
+        ratio = ratio_interval(values, weights, *_columns(base, clips, metric), seed)
+    windows = sum(group[clip].windows for clip in clips)
+    return Cell(mean_interval(values, weights, seed), ratio, len(clips), windows)
+
+
+def _columns(group: dict, clips: Sequence, metric: str) -> tuple[np.ndarray, np.ndarray]:
+    rows = [group[clip] for clip in clips]
+    weights = [row.weight if metric in POWER_WEIGHTED else row.weight * row.windows for row in rows]
+    return np.array([row.value for row in rows]), np.array(weights)
+
+
+def in_order(found: dict[Key, Cell], position: int) -> list:
+    """The distinct values of one part of the keys, in the order in which the rows brought them."""
+    return list(dict.fromkeys(key[position] for key in found))
+
+
+def scopes_of(found: dict[Key, Cell]) -> list[str]:
+    """Archives in order, and all together last where there are several."""
+    archives = [scope for scope in in_order(found, 0) if scope != ALL]
+    return [*archives, ALL] if len(archives) > 1 else archives
+
+
+def task_tables(found: dict[Key, Cell], more: Callable[[str], str] = lambda scope: "") -> str:
+    """Markdown: for every scope and task the headline metrics with intervals, then the others; then what `more` gives
+    for the scope."""
+    parts: list[str] = []
+    for scope in scopes_of(found):
+        parts.append(f"## {scope}\n")
+        for task in in_order(found, 1):
+            here = _of_task(found, scope, task)
+            if here:
+                parts += _task_section(task, here)
+        parts += [text for text in [more(scope)] if text]
+    return "\n".join(parts)
+
+
+def _of_task(found: dict[Key, Cell], scope: str, task: str) -> dict[Key, Cell]:
+    return {key: cell for key, cell in found.items() if key[:2] == (scope, task) and not METRICS[key[3]].feel}
+
+
+def _task_section(task: str, here: dict[Key, Cell]) -> list[str]:
+    intervals = sorted({key[2] for key in here})
+    counts = [_count(here, interval) for interval in intervals]
+    out = [f"### {TASK_WORDS[task]}\n"]
+    for headline in (True, False):
+        metrics = [m for m in METRICS if METRICS[m].headline == headline and any(key[3] == m for key in here)]
+        if not metrics:
+            continue
+        header = [
+            f"{interval} ({count})" if headline else str(interval)
+            for interval, count in zip(intervals, counts, strict=True)
+        ]
+        out.append(f"| metric | method | {' | '.join(header)} |")
+        out.append(f"|---|---|{'---:|' * len(intervals)}")
+        for metric in metrics:
+            out += _metric_rows(metric, intervals, here, headline)
+        out.append("")
+    return out
+
+
+def _metric_rows(metric: str, intervals: list[int], here: dict[Key, Cell], headline: bool) -> list[str]:
+    scope, task = next(iter(here))[:2]
+    methods = [m for m in in_order(here, 4) if any(key[3] == metric and key[4] == m for key in here)]
+    unit = f" ({METRICS[metric].unit})" if METRICS[metric].unit else ""
+    rows = []
+    for number, method in enumerate(methods):
+        label = f"{METRICS[metric].label}{unit}" if number == 0 else ""
+        texts = [cell_text(here.get((scope, task, i, metric, method)), intervals=headline) for i in intervals]
+        rows.append(f"| {label} | {method} | {' | '.join(texts)} |")
+    return rows
+
+
+def _count(here: dict[Key, Cell], interval: int) -> str:
+    cell = next(cell for key, cell in here.items() if key[2] == interval)
+    return f"{_plural(cell.windows, 'window')} of {_plural(cell.clips, 'clip')}"
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def overview(found: dict[Key, Cell]) -> str:
+    """Markdown: each method's first headline metric as a share of the baseline's, for every scope and task."""
+    metric = next((m for m in METRICS if any(key[3] == m for key in found)), "l2p_m")
+    parts: list[str] = []
+    for baseline in dict.fromkeys(map(baseline_of, in_order(found, 1))):
+        tasks = [task for task in in_order(found, 1) if baseline_of(task) == baseline]
+        columns = [(task, i) for task in tasks for i in sorted({key[2] for key in found if key[1] == task})]
+        header = " | ".join(f"{task} {interval}" for task, interval in columns)
+        parts.append(f"{METRICS[metric].label} as a share of that of {baseline} [95% interval]:\n")
+        parts += [f"| data | method | {header} |", f"|---|---|{'---:|' * len(columns)}"]
+        for scope in scopes_of(found):
+            parts += _overview_rows(found, scope, metric, columns)
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _overview_rows(found: dict[Key, Cell], scope: str, metric: str, columns: list[tuple[str, int]]) -> list[str]:
+    rows: list[str] = []
+    for method in in_order(found, 4):
+        picked = [found.get((scope, task, interval, metric, method)) for task, interval in columns]
+        if any(cell and cell.ratio for cell in picked):
+            rows.append(f"| {'' if rows else scope} | {method} | {' | '.join(map(_ratio_text, picked))} |")
+    return rows
+
+
+def _ratio_text(cell: Cell | None) -> str:
+    if cell is None or cell.ratio is None or not np.isfinite(cell.ratio.value):
+        return ""
+    return f"{cell.ratio.value:.2f}{span_text(cell.ratio, 2)}"
+
+
+def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
+    """`0.412 [0.38, 0.45] ×0.81*`: mean, interval, ratio to the baseline; a star where its interval leaves out 1."""
+    if cell is None:
+        return ""
+    digits = decimals_of(cell.mean.value)
+    text = f"{cell.mean.value:.{digits}f}"
+    if intervals:
+        text += span_text(cell.mean, digits)
+    if cell.ratio is not None and np.isfinite(cell.ratio.value):
+        text += f" ×{cell.ratio.value:.2f}{'*' if _leaves_out_one(cell.ratio) else ''}"
+    return text
+
+
+def _leaves_out_one(ratio: Estimate) -> bool:
+    return ratio.low is not None and ratio.high is not None and not ratio.low <= 1 <= ratio.high
+
+
+def span_text(estimate: Estimate, digits: int) -> str:
+    """` [0.38, 0.45]`, the interval; nothing where there is none."""
+    if estimate.low is None or estimate.high is None:
+        return ""
+    return f" [{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
+
+
+def decimals_of(value: float) -> int:
+    """So many decimals that three digits count."""
+    if not np.isfinite(value) or value == 0:
+        return DIGITS
+    return int(np.clip(DIGITS - 1 - np.floor(np.log10(abs(value))), 0, 6))
+
+
+def terminal_lines(found: dict[Key, Cell]) -> list[str]:
+    """The headline table of all data together, as aligned text."""
+    scope = scopes_of(found)[-1]
+    lines: list[str] = []
+    for task in in_order(found, 1):
+        here = _of_task(found, scope, task)
+        if not here:
+            continue
+        intervals = sorted({key[2] for key in here})
+        grid = [[f"{TASK_WORDS[task]}:", "", *map(str, intervals)]]
+        for metric in (m for m in METRICS if METRICS[m].headline):
+            rows = _metric_rows(metric, intervals, here, True) if any(key[3] == metric for key in here) else []
+            grid += [[part.strip() for part in row.strip("|").split("|")] for row in rows]
+        lines += aligned(grid)
+        lines.append(f"({scope}: {_measured_on(here, task, intervals)})")
+    return lines
+
+
+def _measured_on(here: dict[Key, Cell], task: str, intervals: Sequence[int]) -> str:
+    """How many windows, and what ratios are to; tasks without a baseline measure the same windows in every column."""
+    if not any(key[4] == baseline_of(task) for key in here):
+        return _count(here, intervals[0])
+    return f"{', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of {baseline_of(task)}'s"
+
+
+def aligned(grid: list[list[str]]) -> list[str]:
+    """A table as lines of text; the first row is its head, whose first cell runs over two columns."""
+    widths = [max(len(row[column]) for row in grid[column < 2 :]) for column in range(len(grid[0]))]
+    title_width = sum(widths[:2]) + 2
+    rows = [([f"{grid[0][0]:<{title_width}}", *grid[0][2:]], [title_width, *widths[2:]])]
+    rows += [(row, widths) for row in grid[1:]]
+    texts = ["  ".join(f"{text:<{width}}" for text, width in zip(*row, strict=True)) for row in rows]
+    return [text.rstrip() for text in texts]

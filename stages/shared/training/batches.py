@@ -1,0 +1,113 @@
+"""Batches drawn ahead of the step, by a thread or by processes of their own, in an order that never varies."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from itertools import islice
+from typing import Any
+
+import torch
+from torch import nn
+
+from data_schemas.errors import PumpsError, UsageError
+from stages.shared.training.config import TrainingConfig
+from stages.shared.training.ranks import Ranks
+from stages.shared.training.task import Task, step_random
+
+DRAW = 1  # the purpose of the generators
+_task: Task | None = None  # in a drawing process, what it draws for
+
+
+def parts_of(config: TrainingConfig, ranks: Ranks, splits: bool) -> list[range]:
+    """This process's windows of every batch, in the parts that it takes one after the other.
+
+    Raises: UsageError where there are too few windows, or the task cannot take parts.
+    """
+    count = ranks.count * config.accumulate
+    if count > 1 and not splits:
+        raise UsageError("This training takes whole batches only.", "Run it in one process, with accumulate = 1.")
+    if config.batch < count:
+        raise UsageError(
+            f"A batch of {config.batch} windows cannot be cut into {count} parts "
+            f"({ranks.count} processes times accumulate = {config.accumulate}).",
+            "Raise batch or lower accumulate.",
+        )
+    bounds = [part * config.batch // count for part in range(count + 1)]
+    own = range(ranks.rank * config.accumulate, (ranks.rank + 1) * config.accumulate)
+    return [range(bounds[part], bounds[part + 1]) for part in own]
+
+
+def drawn_ahead(
+    task: Task, config: TrainingConfig, parts: list[range], first_step: int
+) -> Generator[Any, None, None]:
+    """The batches of all steps from `first_step` on, part by part. What is drawn follows from (seed, step, window).
+
+    Raises: PumpsError where a drawing process dies.
+    """
+    wanted = ((config.seed, step, part) for step in range(first_step, config.steps) for part in parts)
+    ahead: deque[Future[Any]] = deque()
+    with _executor(task, config.workers) as executor:
+        draw: Callable[..., Any] = partial(_draw, task) if config.workers == 0 else _draw_here
+        try:
+            # Deep enough that a process goes on drawing while steps that need nothing new are taken.
+            depth = max(2, 8 * config.workers)
+            ahead.extend(executor.submit(draw, *unit) for unit in islice(wanted, depth))
+            while ahead:
+                batch = ahead.popleft().result()
+                ahead.extend(executor.submit(draw, *unit) for unit in islice(wanted, 1))
+                yield batch
+        except BrokenProcessPool:
+            raise PumpsError(
+                "A process that draws batches died, perhaps for want of memory.", "Lower workers or cache_mb."
+            ) from None
+        finally:
+            executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _draw(task: Task, seed: int, step: int, part: range) -> Any:
+    return task.draw(step_random(seed, DRAW, step, part))
+
+
+def _executor(task: Task, workers: int) -> Executor:
+    if workers == 0:
+        return ThreadPoolExecutor(1)
+    methods = multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+    return ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(_without_networks(task),))
+
+
+def _without_networks(task: Task) -> Task:
+    """A copy of the task that can travel: what draws needs no network."""
+    twin = copy.copy(task)
+    for name, value in list(vars(twin).items()):
+        if isinstance(value, nn.Module):
+            delattr(twin, name)
+    return twin
+
+
+def _begin(task: Task) -> None:
+    global _task
+    _task = task
+    torch.set_num_threads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    # A training that is killed outright must not leave its helpers behind.
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _draw_here(seed: int, step: int, part: range) -> Any:
+    assert _task is not None
+    return _draw(_task, seed, step, part)

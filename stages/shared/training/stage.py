@@ -1,0 +1,150 @@
+"""What the training stages share: pools of windows, the checkpoint that a run ends in, its model card."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data_schemas.artefact import open_artefact, write_artefact
+from data_schemas.checkpoint import read_checkpoint, write_checkpoint
+from data_schemas.errors import InputError
+from data_schemas.manifest import Artefact
+from data_schemas.tpc import TpcReader
+from stages.shared.contract import StageReport
+from stages.shared.training.config import TrainingConfig
+from stages.shared.training.loop import Trained
+from stages.shared.training.ranks import started_ranks
+from stages.shared.training.unfinished import Unfinished
+from stages.shared.training.windows import WindowPool
+from stages.shared.weights.trainings import trainings_of
+
+
+def window_pools(reader: TpcReader, config: TrainingConfig) -> tuple[WindowPool, WindowPool]:
+    """Pools to train on and to validate on; where no clip is marked for validation, the training clips serve.
+
+    The reader must stay open as long as they are used.
+    """
+    training = WindowPool(reader, ("train",), balance=config.balance, cache_mb=config.cache_mb)
+    try:
+        return training, WindowPool(reader, ("val",), balance=config.balance, cache_mb=0)
+    except InputError:
+        return training, training
+
+
+def summary_of(pool: WindowPool, reader: TpcReader) -> str:
+    """One line on what a network was trained on."""
+    rows = [row for row in reader.clips if row.split == "train"]
+    seconds = sum(row.seconds for row in rows)
+    sources = sorted({Path(row.source.split("!")[0]).name if "!" in row.source else "loose files" for row in rows})
+    return f"{len(rows)} clips, {seconds / 3600:.2f} hours, {len(pool.parents)} skeletons, from {', '.join(sources)}"
+
+
+def finish(
+    config: TrainingConfig,
+    trained: Trained,
+    *,
+    stage: str,
+    network: Mapping[str, Any],
+    trained_on: str,
+    inputs: Sequence[Artefact],
+) -> StageReport:
+    """Write the checkpoint artefact of a finished run and forget the unfinished one; tell of one that is not.
+
+    What is kept are the averaged weights of the best validation; the optimiser's state with `keep_optimiser` alone.
+    Of several processes the first writes and tells.
+    """
+    if not started_ranks().first:
+        return StageReport()
+    if not trained.finished:
+        return StageReport(
+            lines=[
+                f"Stopped at step {trained.step} of {config.steps} after {trained.seconds / 60:.1f} minutes; "
+                "run the same command again to go on."
+            ],
+            figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
+        )
+    trainings: list[dict[str, Any]] = [
+        {"steps": trained.step, "minutes": round(trained.seconds / 60, 1), "trained_on": trained_on}
+    ]
+    if config.initial is not None:
+        initial = open_artefact(config.initial, "checkpoint")
+        inputs, trainings = [*inputs, initial], [*trainings_of(read_checkpoint(initial, optimiser=False)), *trainings]
+    weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
+    count = sum(value.size for value in weights.values())
+    licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
+    measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
+    card = _card(stage, config, trainings, trained.best_step, trained_on, licences, count, measured)
+    with write_artefact(
+        config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
+    ) as draft:
+        write_checkpoint(
+            draft.folder,
+            weights=weights,
+            config={
+                **network,
+                "window": config.window,
+                "points": config.points,
+                "trained_on": trained_on,
+                "trainings": trainings,
+            },
+            optimiser=trained.optimiser,
+            log=trained.log,
+            card=card,
+        )
+    Unfinished(config).forget()
+    figures = {"step": trained.step, "finished": True, "seconds": trained.seconds, "parameters": count}
+    figures |= {"val": measured}
+    return StageReport(
+        output=config.output,
+        lines=[
+            f"{stage}: {count / 1e6:.2f} M parameters, {trained.step} steps in {trained.seconds / 60:.1f} minutes, "
+            f"best validation score {trained.best:.4g}, trained on {trained_on}."
+        ],
+        figures=figures,
+    )
+
+
+def _told(training: Mapping[str, Any]) -> str:
+    return f"{training['steps']} steps in {training['minutes']} minutes"
+
+
+def _on_other(training: Mapping[str, Any], trained_on: str) -> str:
+    other = training.get("trained_on", trained_on)
+    return "" if other == trained_on else f", on {other}"
+
+
+def _card(
+    stage: str,
+    config: TrainingConfig,
+    trainings: Sequence[Mapping[str, Any]],
+    best_step: int,
+    trained_on: str,
+    licences: Sequence[str],
+    count: int,
+    measured: Mapping[str, Any],
+) -> str:
+    lines = [
+        f"# {stage}: weights of pumps",
+        "",
+        f"- Trained on: {trained_on}.",
+        "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
+        *[f"  - {licence}" for licence in licences or ["none stated"]],
+        f"- Size: {count:,} parameters.",
+        *[
+            f"- Started from: weights of {_told(each)}{_on_other(each, trained_on)}."
+            for each in reversed(trainings[:-1])
+        ],
+        f"- Training: {_told(trainings[-1])}, a step of {config.batch} windows of {config.window} frames of "
+        f"{config.points} points, seed {config.seed}.",
+        "",
+        f"Validation of these weights, at step {best_step}:",
+        "",
+        "| figure | value |",
+        "|---|---|",
+        *[f"| {name} | {measured[name]:.5g} |" for name in measured if name not in ("step", "seconds", "split")],
+        "",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,275 @@
+"""Windows of motion for training, drawn in batches from a `tpc` artefact that stays on the disk.
+
+Every batch follows from (seed, step) alone: resuming needs no generator's state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from data_schemas.errors import InputError
+from data_schemas.tpc import TpcReader
+from stages.shared.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
+from stages.shared.pointcloud.sampling import place_points, points_in_bone, spread_points
+from stages.shared.training.frame_cache import FrameCache
+from stages.shared.training.proportions import with_other_proportions
+from stages.shared.training.task import rows_of
+
+_SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
+_SIZE = (0.8, 1.4)
+
+
+@dataclass
+class Windows:
+    """A batch of windows of bones' transforms; J is the largest skeleton's number of bones, rows beyond are unused.
+
+    heads (B, T, J, 3), rotations (B, T, J, 4) global xyzw, valid (B, T), parents (B, J) int64 (-1 for the root),
+    tails (B, J, 3), groups (B, J) int64, weights (B, J) (0 for unseen or unused bones).
+    """
+
+    heads: Tensor
+    rotations: Tensor
+    valid: Tensor
+    parents: Tensor
+    tails: Tensor
+    groups: Tensor
+    weights: Tensor
+
+
+class WindowPool:
+    """Draws windows of all rigid clips of a split; the reader must stay open as long as the pool is used.
+
+    Args:
+        reader: the tpc artefact.
+        splits: which splits to take.
+        balance: a data set (the archive, or the folder, that a clip came from) is drawn in proportion to its frames
+            to this power: 1 is as they come, 0 is an equal share each, as the authors do.
+        cache_mb: megabytes of frames to keep in memory.
+
+    Raises: InputError where no clip of the splits is long enough or rigid.
+    """
+
+    def __init__(
+        self,
+        reader: TpcReader,
+        splits: Sequence[str],
+        *,
+        least_frames: int = 8,
+        balance: float = 0.0,
+        cache_mb: float = 256,
+    ):
+        # A rigid clip names the bones it rides on; a dense one has none.
+        rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames and row.skeleton]
+        if not rows:
+            raise InputError(
+                f"The tpc artefact has no rigid clip of {least_frames} frames in {', '.join(splits)}.",
+                "Give longer clips, or splits that name some.",
+            )
+        self._load_skeletons(reader, sorted({row.skeleton for row in rows}))
+        self._cache = FrameCache(reader, cache_mb)
+        self.clips = [row.clip for row in rows]
+        self.lengths = np.array([row.frames for row in rows])
+        self.skeletons = np.array([self._order[row.skeleton] for row in rows])
+        self.share = _clip_shares([row.source for row in rows], self.lengths, balance)
+        self._chances = np.cumsum(self.share)
+
+    def _load_skeletons(self, reader: TpcReader, names: list[str]) -> None:
+        sets = [reader.bones(name) for name in names]
+        bones = max(len(each.parents) for each in sets)
+        self._order = {name: index for index, name in enumerate(names)}
+        self.parents = torch.full((len(sets), bones), -1, dtype=torch.long)
+        self.tails = torch.zeros(len(sets), bones, 3)
+        self.groups = torch.zeros(len(sets), bones, dtype=torch.long)
+        self.weights = torch.zeros(len(sets), bones)
+        for index, each in enumerate(sets):
+            count = len(each.parents)
+            self.parents[index, :count] = torch.from_numpy(np.asarray(each.parents, dtype=np.int64))
+            self.tails[index, :count] = torch.from_numpy(np.asarray(each.tails, dtype=np.float32))
+            self.groups[index, :count] = torch.from_numpy(np.maximum(np.asarray(each.groups, dtype=np.int64), 0))
+            self.weights[index, :count] = torch.from_numpy(np.asarray(each.weights, dtype=np.float32))
+
+    @property
+    def kept_bytes(self) -> int:
+        """Bytes of frames kept in memory."""
+        return self._cache.kept_bytes
+
+    def draw(
+        self,
+        batch: int,
+        window: int,
+        rng: np.random.Generator,
+        *,
+        augment: bool,
+        proportions: float = 1.0,
+        as_recorded: np.ndarray | None = None,
+    ) -> Windows:
+        """Windows of up to `window` frames at random places, if `augment` with their playback speed varied and bones
+        up to `proportions` times as long or short, but for those that stay `as_recorded` (B,) bool; each is drawn
+        from its own generator (`rows_of`)."""
+        other = _other(augment, as_recorded, batch)
+        chance = np.stack([row.random(3) for row in rows_of(rng, batch)])
+        clips = np.minimum(np.searchsorted(self._chances, chance[:, 0], side="right"), len(self.lengths) - 1)
+        speed = np.where(other, _log_uniform(_SPEED, chance[:, 1]), 1.0)
+        span = np.minimum((window - 1) * speed, self.lengths[clips] - 1)
+        first = chance[:, 2] * (self.lengths[clips] - 1 - span)
+        windows = self._read(clips, np.where(other, first, np.floor(first)), speed, window)
+        if not (augment and proportions > 1):
+            return windows
+        return with_other_proportions(windows, np.where(other, proportions, 1.0), rng)
+
+    def at(self, clips: np.ndarray, first: np.ndarray, window: int) -> Windows:
+        """The windows of given clips (by index) from given first frames."""
+        return self._read(clips, first.astype(np.float64), np.ones(len(clips)), window)
+
+    def _read(self, clips: np.ndarray, first: np.ndarray, speed: np.ndarray, window: int) -> Windows:
+        last = self.lengths[clips, None] - 1
+        wanted = first[:, None] + np.arange(window) * speed[:, None]
+        valid = wanted <= last + 1e-6
+        wanted = np.minimum(wanted, last)
+        below = np.floor(wanted).astype(np.int64)
+        share = torch.from_numpy(wanted - below).float()
+        above = np.minimum(below + 1, last)
+        frames = np.zeros((2, len(clips), window, self.tails.shape[1], 7), np.float32)
+        frames[..., 6] = 1
+        for row, clip in enumerate(clips):
+            start = below[row, 0]
+            read = self._cache.frames(self.clips[clip], start, above[row, -1] + 1)
+            frames[0, row, :, : read.shape[1]] = read[below[row] - start]
+            frames[1, row, :, : read.shape[1]] = read[above[row] - start]
+        (heads, next_heads), (rotations, next_rotations) = torch.from_numpy(frames).split((3, 4), dim=-1)
+        if bool((share > 0).any()):
+            heads = torch.lerp(heads, next_heads, share[..., None, None])
+            rotations = torch.lerp(rotations, next_rotations, share[..., None, None])
+            rotations = torch.nn.functional.normalize(rotations, dim=-1)
+        kind = torch.from_numpy(self.skeletons[clips])
+        return Windows(
+            heads.contiguous(),
+            rotations.contiguous(),
+            torch.from_numpy(valid),
+            self.parents[kind],
+            self.tails[kind],
+            self.groups[kind],
+            self.weights[kind],
+        )
+
+
+def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) -> np.ndarray:
+    """Each clip's probability: its data set's share, divided by frames within the data set."""
+    sets = np.array([source.split("!")[0] if "!" in source else str(Path(source).parent) for source in sources])
+    share = np.zeros(len(sets))
+    for name in np.unique(sets):
+        inside = sets == name
+        frames = lengths[inside].sum()
+        share[inside] = frames**balance * lengths[inside] / frames
+    return share / share.sum()
+
+
+@dataclass
+class CloudMap:
+    """Draws that turn windows of transforms into clouds; the same draws serve a motion and its interpolation.
+
+    bones (B, P) int64, in_bone (B, P, 3), groups (B, P) int64 after mirroring, sigma (B,) metres, turn (B, 3, 3) of
+    yaw, mirror and size, shift (B, 1, 1, 3) metres.
+    """
+
+    bones: Tensor
+    in_bone: Tensor
+    groups: Tensor
+    sigma: Tensor
+    turn: Tensor
+    shift: Tensor
+
+    def redrawn(self, windows: Windows, rng: np.random.Generator) -> CloudMap:
+        """Another draw of points, as many in each body group, placed alike."""
+        same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.bones).unsqueeze(2)).float()
+        draws = [_draw_points(row, self.bones.shape[1]) for row in rows_of(rng, len(self.bones))]
+        chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+        bones = _chosen(windows.weights.unsqueeze(1) * same_group, chance.unsqueeze(2)).squeeze(2)
+        return replace(self, bones=bones, in_bone=points_in_bone(windows.tails, bones, alphas, offsets, self.sigma))
+
+
+def draw_clouds(
+    windows: Windows,
+    points: int,
+    sigma_m: tuple[float, float],
+    rng: np.random.Generator,
+    *,
+    augment: bool,
+    even: bool = False,
+    as_recorded: np.ndarray | None = None,
+) -> CloudMap:
+    """Draw points and a placing for each window: yaw over the whole circle, up to half a metre on each axis, and
+    with `augment` mirror and size (those `as_recorded`, (B,) bool, keep their size). `even`: points are spread evenly
+    (`spread_points`). Each window's are drawn from its own generator (`rows_of`)."""
+    rows = rows_of(rng, len(windows.heads))
+    if even:
+        start = torch.tensor([row.random() for row in rows])
+        bones, alphas, offsets = spread_points(windows.weights, points, start)
+    else:
+        draws = [_draw_points(row, points) for row in rows]
+        chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+        bones = _chosen(windows.weights, chance)
+    placing = np.stack([row.random(7) for row in rows])
+    sigma = torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float()
+    in_bone = points_in_bone(windows.tails, bones, alphas, offsets, sigma)
+    groups = torch.gather(windows.groups, 1, bones)
+    size = np.where(_other(augment, as_recorded, len(rows)), _log_uniform(_SIZE, placing[:, 1]), 1.0)
+    flip = placing[:, 2] < 0.5 if augment else np.zeros(len(rows), bool)
+    turn = torch.from_numpy(_turns(WHOLE_TURN * placing[:, 3], size, flip)).float()
+    mirrored = torch.tensor(MIRRORED_GROUP)[groups]
+    groups = torch.where(torch.from_numpy(flip).unsqueeze(1), mirrored, groups)
+    shift = torch.from_numpy(placing[:, 4:] - 0.5).float().view(-1, 1, 1, 3)
+    return CloudMap(bones, in_bone, groups, sigma, turn, shift)
+
+
+def _other(augment: bool, as_recorded: np.ndarray | None, batch: int) -> np.ndarray:
+    """(B,) bool: which windows get another speed, size and build than they were recorded with."""
+    return np.full(batch, augment) if as_recorded is None else augment & ~as_recorded
+
+
+def _log_uniform(limits: tuple[float, float], chance: np.ndarray) -> np.ndarray:
+    low, high = np.log(limits)
+    return np.exp(low + (high - low) * chance)
+
+
+def _draw_points(rng: np.random.Generator, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What decides each point's bone (P,), its place along it (P,) and its offset (P, 3)."""
+    chance = rng.random(points)
+    return chance, rng.random(points, np.float32), rng.standard_normal((points, 3), np.float32)
+
+
+def _chosen(weights: Tensor, chance: Tensor) -> Tensor:
+    """Indices drawn in proportion to weights (..., J), one for each of the uniform numbers `chance` (..., P)."""
+    ends = weights.double().cumsum(-1)
+    total = ends[..., -1:]
+    # Just under the total at most: what has no weight is never chosen, not even by rounding.
+    place = torch.minimum(chance * total, torch.nextafter(total, torch.zeros_like(total)))
+    return torch.searchsorted(ends, place.contiguous(), right=True)
+
+
+def _turns(yaw: np.ndarray, size: np.ndarray, flip: np.ndarray) -> np.ndarray:
+    """(B, 3, 3): about Y by yaw, after mirroring X where `flip`, scaled by size."""
+    turn = np.zeros((len(yaw), 3, 3))
+    sign = np.where(flip, -1.0, 1.0)
+    turn[:, 0, 0], turn[:, 0, 2] = np.cos(yaw) * sign, np.sin(yaw)
+    turn[:, 2, 0], turn[:, 2, 2] = -np.sin(yaw) * sign, np.cos(yaw)
+    turn[:, 1, 1] = 1.0
+    return turn * size[:, None, None]
+
+
+def clouds_of(heads: Tensor, rotations: Tensor, cloud: CloudMap, centre: Tensor) -> Tensor:
+    """Points (B, T, P, 3) of transforms under the draws of `cloud`; `centre` (B, 1, 1, 3) goes to the origin."""
+    placed = place_points(heads - centre, rotations, cloud.bones, cloud.in_bone)
+    return placed @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
+
+
+def known_centre(heads: Tensor, known: Tensor) -> Tensor:
+    """(B, 1, 1, 3) mean of the root (bone 0) over known frames: only these may place the window."""
+    weight = known.unsqueeze(-1).to(heads.dtype)
+    return ((heads[:, :, 0] * weight).sum(1) / weight.sum(1).clamp_min(1)).view(-1, 1, 1, 3)

@@ -1,0 +1,89 @@
+"""What is known of some weights, from their artefacts and what was measured of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from data_schemas.artefact import open_artefact
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.damaged_files import reading
+from data_schemas.manifest import Artefact
+from stages.shared.weights import shipped
+from stages.shared.weights.shipped import CARD_NAME, MEASURED_NAME, default_weights, parts_of, weights_folder
+from stages.shared.weights.trainings import trainings_of
+
+VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "worse": "Bad at"}
+
+
+def facts_of(name_or_path: str | Path) -> dict[str, Any]:
+    """What is known of some weights: plain data, from their artefacts and what was measured of them.
+
+    Returns: name, folder, default, licences, bytes, parameters, trained_on, longest_gap (frames at 30 a second),
+        steps (of all trainings that they tell of) and validation (figures of the steps that were kept), each of
+        autoencoder and synthesiser, measured (a list of mappings as `pumps weights pack --measured` wrote it, or
+        none) and card (Markdown, "" where there is none).
+    Raises: InputError where there are no such weights, or they are damaged.
+    """
+    folder = weights_folder(name_or_path)
+    artefacts = [open_artefact(path, "checkpoint") for path in parts_of(folder)]
+    kept = [read_checkpoint(each, optimiser=False) for each in artefacts]
+    parts = ("autoencoder", "synthesiser")
+    name = folder.name if folder.parent == shipped.SHIPPED else str(name_or_path)
+    return {
+        "name": name,
+        "folder": str(folder),
+        "default": name == default_weights(),
+        "licences": sorted({licence for each in artefacts for licence in each.manifest.licences}),
+        "bytes": sum(_bytes(each) for each in artefacts),
+        "parameters": {part: sum(v.size for v in k.weights.values()) for part, k in zip(parts, kept, strict=True)},
+        "trained_on": str(kept[1].config.get("trained_on", "")),
+        "longest_gap": int(kept[1].config.get("longest_gap", 0)),
+        "steps": {part: sum(each["steps"] for each in trainings_of(k)) for part, k in zip(parts, kept, strict=True)},
+        "validation": {part: _best(k.log) for part, k in zip(parts, kept, strict=True)},
+        "measured": _measured(folder),
+        "card": _text(folder / CARD_NAME),
+    }
+
+
+def verdicts(measured: list[dict[str, Any]]) -> dict[str, list[str]]:
+    """Tasks by how they compare with the plain baseline over all archives: `better` and `worse` where the ratio's 95%
+    interval leaves out 1, else `alike`."""
+    scopes = list(dict.fromkeys(row["scope"] for row in measured))
+    scope = "all archives" if "all archives" in scopes else next(iter(scopes), "")
+    found: dict[str, list[str]] = {kind: [] for kind in VERDICT_WORDS}
+    for row in measured:
+        if row["scope"] == scope and row["low"] is not None:
+            kind = "better" if row["high"] < 1 else "worse" if row["low"] > 1 else "alike"
+            found[kind].append(f"{row['task']} {row['interval']} ({row['ratio']:.2f})")
+    return found
+
+
+def _bytes(artefact: Artefact) -> int:
+    return sum(path.stat().st_size for path in artefact.folder.iterdir() if path.is_file())
+
+
+def _best(log: list[dict[str, Any]]) -> dict[str, float]:
+    rows = [row for row in log if row.get("split") == "val" and "score" in row]
+    best = min(rows, key=lambda row: row["score"], default={})
+    return {name: value for name, value in best.items() if name not in ("split", "seconds")}
+
+
+def _measured(folder: Path) -> list[dict[str, Any]]:
+    path = folder / MEASURED_NAME
+    if not path.is_file():
+        return []
+    with reading(path):
+        rows = json.loads(path.read_text(encoding="utf-8"))
+        wanted = {"scope", "task", "interval", "baseline", "ratio", "low", "high", "windows"}
+        if not isinstance(rows, list) or not all(isinstance(row, dict) and wanted <= row.keys() for row in rows):
+            raise ValueError("it is no list of what was measured")
+    return rows
+
+
+def _text(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    with reading(path):
+        return path.read_text(encoding="utf-8")

@@ -1,0 +1,33 @@
+"""`pumps train ae`: a `tpc` artefact in, the autoencoder's `checkpoint` out."""
+
+from __future__ import annotations
+
+from data_schemas.tpc import TpcReader
+from stages.shared.contract import StageReport
+from stages.shared.networks.layers.device import choose_device
+from stages.shared.progress import SILENT, Progress
+from stages.shared.training.loop import train
+from stages.shared.training.stage import finish, summary_of, window_pools
+from stages.train.ae.config import Config
+from stages.train.ae.task import AutoencoderTask
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Train the autoencoder of clouds.
+
+    Raises: InputError for a bad tpc artefact, PumpsError where the loss stops being a number.
+    """
+    with TpcReader(config.tpc) as reader:
+        progress.start("reading windows")
+        pool, held_back = window_pools(reader, config)
+        trained_on = summary_of(pool, reader)
+        task = AutoencoderTask(config, pool, held_back, choose_device(config.device))
+        trained = train(task, config, progress=progress)
+        network = {
+            "network": "autoencoder",
+            "encoder": config.encoder.model_dump(),
+            "decoder": config.decoder.model_dump(),
+        }
+        return finish(
+            config, trained, stage="train-ae", network=network, trained_on=trained_on, inputs=[reader.artefact]
+        )

@@ -1,0 +1,130 @@
+"""The fit: trust as a factor on corrections, by least squares of where joints come to lie.
+
+For a gap's token of depth d, the part p of the body has the trust (1 - d) * edge + d * middle, two numbers for each
+bin. What its corrections do, they do to the places of all joints further out, and one part's turns make up for
+another's; so all bins are fitted at once, to places (and, for a little, to angles), and not each to its own angles.
+A bin is drawn towards the wider one it lies in: that of its part and length, and this to that of its part. Each
+archive weighs the same. What is kept is the fit of all archives, or the least trust of the fits that leave one of
+them out, whichever is right about more of archives that it was not fitted to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stages.shared.inference.confidence import SHAPE
+
+_LENGTHS, _PARTS, _SIZES, _NODES = SHAPE
+_COUNT = int(np.prod(SHAPE))
+_TINY = 1e-12
+
+
+@dataclass
+class Sums:
+    """Normal equations of all bins' trust, in the order of a table of `SHAPE` laid out flat: squares (n, n), products
+    (n,), gaps heard (n,); and the power of what corrections should have done."""
+
+    squares: np.ndarray = field(default_factory=lambda: np.zeros((_COUNT, _COUNT)))
+    products: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
+    heard: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
+    power: float = 0.0
+
+    def add(
+        self, length_bin: int, size_bins: Sequence[int], depth: np.ndarray, made: np.ndarray, wanted: np.ndarray
+    ) -> None:
+        """A gap.
+
+        Args:
+            length_bin, size_bins: the gap's, and each part's.
+            depth: (n,) of its tokens. made: (parts, n, C) what each part's corrections change alone.
+            wanted: (n, C) what all together should change.
+        """
+        nodes = np.stack([1 - depth, depth])
+        columns = (nodes[None, :, :, None] * made[:, None]).reshape(_PARTS * _NODES, -1).astype(np.float64)
+        bins = [
+            np.ravel_multi_index((length_bin, part, size, node), SHAPE)
+            for part, size in enumerate(size_bins)
+            for node in range(_NODES)
+        ]
+        target = wanted.reshape(-1).astype(np.float64)
+        self.squares[np.ix_(bins, bins)] += columns @ columns.T
+        self.products[bins] += columns @ target
+        self.heard[bins] += 1
+        self.power += float(target @ target)
+
+    def scaled(self) -> Sums:
+        """As heavy as any other: what corrections should have done has one power in all."""
+        whole = max(self.power, _TINY)
+        return Sums(self.squares / whole, self.products / whole, self.heard, self.power / whole)
+
+
+def total(parts: Sequence[Sums]) -> Sums:
+    """All of them together."""
+    return Sums(
+        np.sum([part.squares for part in parts], axis=0),
+        np.sum([part.products for part in parts], axis=0),
+        np.sum([part.heard for part in parts], axis=0),
+        sum(part.power for part in parts),
+    )
+
+
+def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
+    """Trust SHAPE of archives that weigh alike: of the body's parts; then what the gap's length, and then its size,
+    say else, each bin as if `prior` more gaps had said that it is like the wider one."""
+    whole = total([part.scaled() for part in parts])
+    trust = np.zeros(_COUNT)
+    for level in _levels():
+        left = level.T @ (whole.products - whole.squares @ trust)
+        squares, heard = level.T @ whole.squares @ level, level.T @ whole.heard
+        ridge = np.diag(squares) * prior / np.maximum(heard, 1) + _TINY
+        trust += level @ np.linalg.solve(squares + np.diag(ridge), left)
+    return np.clip(trust.reshape(SHAPE), 0, 1)
+
+
+def careful_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
+    """The least trust of the fits that leave one archive out; of a single archive its own fit."""
+    if len(archives) < 2:
+        return fit(list(archives.values()), prior)
+    return np.min([fit([s for other, s in archives.items() if other != name], prior) for name in archives], axis=0)
+
+
+def joint_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
+    """The trust of all archives together."""
+    return fit(list(archives.values()), prior)
+
+
+def trust_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
+    """The trust SHAPE that is kept: `joint_fit` or `careful_fit`, by what they are right about in archives left out.
+
+    Care is for weights that know some families of skeletons alone; where they know all alike, it throws away a tenth
+    of what they know.
+    """
+    return max((joint_fit, careful_fit), key=lambda way: _gain_left_out(way, archives, prior))(archives, prior)
+
+
+def _gain_left_out(way: Callable[..., np.ndarray], archives: dict[str, Sums], prior: float) -> float:
+    gains = [
+        gain(sums, way({other: each for other, each in archives.items() if other != name}, prior))
+        for name, sums in archives.items()
+        if len(archives) > 1
+    ]
+    return float(np.mean(gains or [0.0]))
+
+
+def gain(sums: Sums, trust: np.ndarray) -> float:
+    """The share of what corrections should have done, in squares, that they are right about: 1 is all, below 0 is
+    harm."""
+    flat = trust.reshape(-1)
+    return float((2 * flat @ sums.products - flat @ sums.squares @ flat) / max(sums.power, _TINY))
+
+
+def _levels() -> list[np.ndarray]:
+    """(n, m) 0 and 1, which of m wider bins each lies in: those of parts; of lengths and parts; and itself."""
+    lengths, parts, sizes, nodes = np.indices(SHAPE).reshape(len(SHAPE), -1)
+    by_part = parts * _NODES + nodes
+    by_length = (lengths * _PARTS + parts) * _NODES + nodes
+    own = ((lengths * _PARTS + parts) * _SIZES + sizes) * _NODES + nodes
+    return [np.eye(each.max() + 1)[each] for each in (by_part, by_length, own)]

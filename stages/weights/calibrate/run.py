@@ -1,0 +1,164 @@
+"""`pumps weights calibrate`: how far weights may be trusted, learned on clips they were not trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import numpy as np
+import roma
+import torch
+
+from data_schemas.clips import ClipRow
+from data_schemas.errors import InputError
+from data_schemas.motion import MotionReader
+from data_schemas.skeleton import Motion
+from stages.shared.contract import StageReport
+from stages.shared.inference.clouds import Scene
+from stages.shared.inference.confidence import (
+    SHAPE,
+    Confidence,
+    gap_sizes,
+    part_joints,
+    write_confidence,
+)
+from stages.shared.inference.filling import FillOptions, Solved, believed_shares, solve_clip
+from stages.shared.inference.models import Models, load_weights
+from stages.shared.inference.token_times import Tokens
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.resampling import resample
+from stages.shared.progress import SILENT, Progress
+from stages.shared.solve.local_pose import LocalPose, correct_pose, pose_of_motion
+from stages.shared.solve.solving import Corrections
+from stages.shared.statistics.archives import archive_of
+from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
+from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
+from stages.shared.weights.shipped import CONFIDENCE_NAME, weights_folder
+from stages.weights.calibrate.config import Config
+from stages.weights.calibrate.fit import Sums, gain, trust_fit
+
+ANGLE_M = 0.1  # what an angle weighs: a joint a radian off is as bad as one that is ten centimetres off
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Fit the trust and write it beside the weights.
+
+    Raises: InputError for weights or motions that are none, or no clip long enough in the splits.
+    """
+    models = load_weights(config.weights, config.device, confidence=False)
+    archives: dict[str, Sums] = {}
+    shrunk: dict[str, Sums] = {}
+    with ExitStack() as opened:
+        readers = [opened.enter_context(MotionReader(path)) for path in config.motion]
+        plan = [(reader, *each) for reader in readers for each in _plan(reader, config)]
+        if not plan:
+            raise InputError(
+                f"{', '.join(map(str, config.motion))} has no clip of the split {' or '.join(config.splits)} that is "
+                "long enough.",
+                "Name another with --splits.",
+            )
+        progress.start("filling", len(plan))
+        for reader, archive, task, window in plan:
+            row = reader.row(window.clip)
+            motion = resample(reader.motion(row.clip), MODEL_FPS).at(window.span)
+            solved = solve_clip(
+                reader.skeleton(row.skeleton), motion, task.known(window.frames), models,
+                points=config.points, seed=config.seed, device=models.autoencoder.device,
+            )  # fmt: skip
+            _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), solved, motion)
+            progress.advance(1, row.clip)
+    trust = trust_fit(archives, config.prior_windows)
+    gains = {name: _gains(archives, shrunk, name, config) for name in archives}
+    path = weights_folder(config.weights) / CONFIDENCE_NAME
+    write_confidence(path, Confidence(trust), {"windows": len(plan), "gains": gains})
+    return _report(config, models, trust, gains, len(plan))
+
+
+def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Window]]:
+    tasks = [Task(INTERPOLATION, each, config.window) for each in config.intervals]
+    tasks += [Task(TRANSITION, each, config.window) for each in config.transitions]
+    tasks += [Task(PREDICTION, each, config.window) for each in config.predictions]
+    archives: dict[str, list[ClipRow]] = {}
+    for row in reader.clips:
+        if row.split in config.splits:
+            archives.setdefault(archive_of(row), []).append(row)
+    for archive, rows in sorted(archives.items()):
+        for task in tasks:
+            windows = [clip_windows(row.clip, int(row.seconds * MODEL_FPS), task) for row in rows]
+            for window in chosen_windows(windows, config.max_windows):
+                yield archive, task, window
+
+
+def _add(sums: Sums, shrunk: Sums, solved: Solved, motion: Motion) -> None:
+    """Compare what a filled window's corrections do with what would have met the truth; `shrunk` gets the same of
+    corrections shrunk by the fixed floors."""
+    scene, made = solved.scene, solved.corrections
+    skeleton, tokens = scene.skeleton, scene.tokens
+    frames = torch.arange(motion.frames, device=scene.device).double()
+    truth = pose_of_motion(skeleton, motion, scene.device).at(frames, scene.times)
+    wanted = _change(scene, truth)
+    pairs = ((sums, _changes_by_part(scene, made)), (shrunk, _changes_by_part(scene, _with_floors(made, tokens))))
+    for gap in tokens.gaps():
+        sizes = gap_sizes(tokens, gap, skeleton, made)
+        for into, changes in pairs:
+            if np.isfinite(changes[:, gap]).all():
+                into.add(sizes.length_bin, sizes.size_bins.tolist(), sizes.depth, changes[:, gap], wanted[gap])
+
+
+def _change(scene: Scene, pose: LocalPose) -> np.ndarray:
+    """(N, C) how a pose differs from the base: places of the body's joints, metres, and angles at `ANGLE_M`."""
+    skeleton, base = scene.skeleton, scene.base
+    body = torch.as_tensor(skeleton.groups >= 0, device=scene.device)
+    places = pose.world(skeleton.parents)[0][:, body] - base.world(skeleton.parents)[0][:, body]
+    turns = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(base.local), pose.local))[:, body]
+    return torch.cat([places.flatten(1), ANGLE_M * turns.flatten(1)], -1).cpu().numpy()
+
+
+def _changes_by_part(scene: Scene, made: Corrections) -> np.ndarray:
+    """(parts, N, C) what each of `PARTS` changes by itself: the turns of its joints, or the pelvis' shift."""
+    skeleton, found = scene.skeleton, []
+    for joints in (*part_joints(skeleton, made), None):
+        turns, shifts = torch.zeros_like(made.turns), torch.zeros_like(made.shifts)
+        if joints is None:
+            shifts = made.shifts
+        else:
+            turns[:, joints] = made.turns[:, joints]
+        pose = correct_pose(scene.base, turns, shifts, skeleton, scene.motion.track_joints)
+        found.append(_change(scene, pose))
+    return np.stack(found)
+
+
+def _with_floors(made: Corrections, tokens: Tokens) -> Corrections:
+    """Corrections as they are used where there is no confidence."""
+    turns, shifts = made.turns.clone(), made.shifts.clone()
+    for gap in tokens.gaps():
+        turn_shares, shift_share = believed_shares(made, gap, FillOptions())
+        turns[gap] *= turn_shares.unsqueeze(-1)
+        shifts[gap] *= shift_share
+    return made._replace(turns=turns, shifts=shifts)
+
+
+def _gains(archives: dict[str, Sums], shrunk: dict[str, Sums], name: str, config: Config) -> dict[str, float]:
+    """Of an archive: what its corrections are right about with trust learned on the others, as they are, and shrunk
+    by the fixed floors."""
+    others = {other: sums for other, sums in archives.items() if other != name} or archives
+    everything = np.ones(SHAPE)
+    return {
+        "trusted": gain(archives[name], trust_fit(others, config.prior_windows)),
+        "as they are": gain(archives[name], everything),
+        "fixed floors": gain(shrunk[name], everything),
+    }
+
+
+def _report(
+    config: Config, models: Models, trust: np.ndarray, gains: dict[str, dict[str, float]], windows: int
+) -> StageReport:
+    lines = [
+        f"Trust of {models.name} from {windows} windows of {len(gains)} archives, kept in "
+        f"{weights_folder(config.weights) / CONFIDENCE_NAME}; mean {trust.mean():.2f}.",
+        "Share of what corrections should have done to places (squares) that they are right about; trust learned on "
+        "the other archives:",
+    ]
+    for name, each in gains.items():
+        lines.append(f"  {name}: " + ", ".join(f"{how} {value:.3f}" for how, value in each.items()))
+    return StageReport(lines=lines, figures={"windows": windows, "gains": gains, "trust": trust.tolist()})

@@ -1,0 +1,31 @@
+"""`pumps weights list`: the weights that come with pumps."""
+
+from __future__ import annotations
+
+from stages.shared.contract import StageReport
+from stages.shared.progress import SILENT, Progress
+from stages.shared.weights.facts import facts_of
+from stages.shared.weights.shipped import shipped_weights
+from stages.weights.list.config import Config
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Tell name, size, licences and training data of each; the default is marked.
+
+    Raises: InputError where shipped weights are damaged.
+    """
+    known = {name: facts_of(name) for name in shipped_weights()}
+    lines = []
+    for name, facts in known.items():
+        mark = "  (default)" if facts["default"] else ""
+        lines += [
+            f"{name:12}{facts['bytes'] / 1e6:5.1f} MB  gaps of up to {facts['longest_gap']} frames at 30 fps{mark}",
+            f"{'':12}trained on {facts['trained_on']}",
+            *[f"{'':12}licence: {licence}" for licence in facts["licences"]],
+        ]
+    lines.append("More of one: pumps weights show NAME" if known else "No weights are shipped.")
+    shown = {
+        name: {key: value for key, value in facts.items() if key not in ("card", "measured")}
+        for name, facts in known.items()
+    }
+    return StageReport(lines=lines, figures={"weights": shown})

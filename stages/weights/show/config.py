@@ -1,0 +1,16 @@
+"""Settings of `pumps weights show`."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from stages.shared.contract import StageConfig
+from stages.shared.weights.shipped import default_weights
+
+
+class Config(StageConfig):
+    """Tell what is known of some weights: licences, size, training, validation, what they are good and bad at."""
+
+    name: str = Field(
+        default_factory=default_weights, description="Shipped weights by name, or a folder that holds ae and lms."
+    )

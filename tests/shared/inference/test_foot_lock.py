@@ -1,0 +1,149 @@
+"""Held feet: they slide less, keys stay bit for bit, knees bend the way they did, nothing pops; on real clips."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import roma
+import torch
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.inference.filled import skates
+from stages.shared.inference.foot_lock import LOOSE, SMOOTH_S, _smooth, lock_feet, standing_feet
+from stages.shared.kinematics.foot_contacts import find_feet
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.plain_interpolation import damped_smoothness
+from stages.shared.solve.local_pose import pose_of_motion, replace_rows
+from tests.shared.inference.test_filling import keys_every
+
+CLIPS = Path(__file__).resolve().parents[3] / "stages" / "shared" / "clips"
+
+
+@lru_cache
+def interpolated(name: str, step: int) -> tuple[Skeleton, Motion, Motion, np.ndarray]:
+    """A clip, and the plain interpolation of its keys."""
+    path = CLIPS / f"{name}.bvh"
+    skeleton, motion, _ = motion_of(read_bvh(path.read_bytes(), str(path)))
+    known = keys_every(motion.frames, step)
+    keys, gaps = np.flatnonzero(known), np.flatnonzero(~known)
+    times = torch.as_tensor(keys).double()
+    pose = pose_of_motion(skeleton, motion.at(keys))
+    between = pose.at(times, torch.as_tensor(gaps).double(), damped_smoothness(times, motion.fps))
+    return skeleton, motion, replace_rows(skeleton, motion, between, gaps), known
+
+
+@pytest.mark.parametrize(
+    ("name", "step"), [("walk", 15), ("walk", 10), ("dance_a", 15), ("crawl", 15), ("punch", 20)]
+)
+def test_feet_slide_less_and_keys_stay(name: str, step: int):
+    skeleton, _, filled, known = interpolated(name, step)
+    locked = lock_feet(skeleton, filled, known)
+    before, after = skates(skeleton, filled, known, filled, locked.motion)
+    assert after < 0.7 * before
+    for field in ("rotations", "root_positions", "tracks"):
+        ours, theirs = getattr(locked.motion, field), getattr(filled, field)
+        assert ours[known].tobytes() == theirs[known].tobytes()
+    # Only legs move.
+    legs = np.isin(skeleton.groups, (3, 4))
+    upper = positions_of(skeleton, locked.motion)[:, ~legs] - positions_of(skeleton, filled)[:, ~legs]
+    assert np.abs(upper).max() < 2e-3
+
+
+@pytest.mark.parametrize("name", ["walk", "dance_a"])
+def test_knees_do_not_flip_and_nothing_pops(name: str):
+    skeleton, truth, filled, known = interpolated(name, 15)
+    locked = lock_feet(skeleton, filled, known).motion
+    feet = find_feet(skeleton)
+
+    knees = [chain[1] for chain in feet.chains]
+
+    def bends(motion: Motion) -> np.ndarray:
+        """(T, 2, 3) the knees' local rotation vectors."""
+        local = pose_of_motion(skeleton, motion).local[:, knees]
+        return roma.unitquat_to_rotvec(torch.where(local[..., 3:] < 0, -local, local)).numpy()
+
+    axis = np.linalg.svd(bends(truth).reshape(-1, 3), full_matrices=False)[2][0]
+    angles, true_angles = bends(locked) @ axis, bends(truth) @ axis
+    assert true_angles.min() - 0.2 < angles.min() and angles.max() < true_angles.max() + 0.2
+    sideways = bends(locked) - angles[..., None] * axis
+    assert np.abs(sideways).max() < 0.1 + np.abs(bends(truth) - true_angles[..., None] * axis).max()
+
+    def third(motion: Motion) -> np.ndarray:
+        return np.linalg.norm(np.diff(positions_of(skeleton, motion), n=3, axis=0), axis=-1)
+
+    assert third(locked).max() < 1.5 * third(truth).max()
+    steps = [np.linalg.norm(np.diff(positions_of(skeleton, m), axis=0), axis=-1).max() for m in (locked, truth)]
+    assert steps[0] < 1.5 * steps[1]
+
+
+def test_a_foot_that_slides_between_two_keys_in_one_place_is_found():
+    skeleton, _, filled, known = interpolated("walk", 15)
+    feet = find_feet(skeleton)
+    places = positions_of(skeleton, filled)
+    contacts = standing_feet(places, feet, filled.fps, known)
+    assert 0.1 < contacts.mean() < 0.95
+
+
+def test_nothing_hidden_nothing_changed():
+    skeleton, motion, _, _ = interpolated("walk", 15)
+    assert lock_feet(skeleton, motion, np.ones(motion.frames, bool)).motion is motion
+
+
+def test_shifts_are_the_same_at_any_rate_and_meet_their_keys():
+    at_30, at_240 = np.zeros((61, 3)), np.zeros((481, 3))
+    at_30[20:40], at_240[160:320] = 0.1, 0.1
+    found = []
+    for wanted, step in ((at_30, 1), (at_240, 8)):
+        known = np.zeros(len(wanted), bool)
+        known[[0, 30 * step, 60 * step]] = True
+        found.append(_smooth(wanted, wanted[:, 0] != 0, known, 30.0 * step)[::step])
+        assert np.abs(np.diff(_smooth(wanted, wanted[:, 0] != 0, known, 30.0 * step), axis=0)).max() < 0.05 / step
+    np.testing.assert_allclose(found[0], found[1], atol=0.01)
+
+
+def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
+    wanted = np.zeros((60, 3))
+    wanted[10:25], wanted[26:40] = 0.1, -0.05  # from heel to toe: two places in neighbouring frames
+    held, known = wanted[:, 0] != 0, np.zeros(60, bool)
+    known[[0, 32, 59]] = True
+    found = _smooth(wanted, held, known, 30.0)
+    assert (found[known] == 0).all()
+    np.testing.assert_allclose(found[14:21], 0.1, atol=0.01)  # in the middle of a stand
+    assert np.abs(np.diff(found, n=3, axis=0)).max() < 0.25 * np.abs(np.diff(wanted, n=3, axis=0)).max()
+    assert np.abs(found[[3, 55]]).max() < 0.04  # it dies away
+
+    def cost(path: np.ndarray) -> float:
+        """What `_smooth` makes least, written out."""
+        weights = np.where(held, 1.0, LOOSE)[:, None]  # keys are nothing in all paths here
+        target = np.where((held & ~known)[:, None], wanted, 0)
+        bent = np.diff(path, n=2, axis=0)
+        return float((weights * (path - target) ** 2).sum() + (SMOOTH_S * 30.0) ** 4 * (bent**2).sum())
+
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        other = found + np.where(known[:, None], 0, 1e-3 * rng.normal(size=found.shape))
+        assert cost(found) < cost(other)
+
+
+@pytest.mark.parametrize("name", ["walk", "crawl", "jump"])
+def test_no_foot_comes_lower_than_in_the_keys(name: str):
+    skeleton, _, filled, known = interpolated(name, 15)
+    feet = find_feet(skeleton)
+    sunk = filled.root_positions.copy()
+    sunk[~known, 1] -= 0.05
+    loose = replace(filled, root_positions=sunk)
+    locked = lock_feet(skeleton, loose, known).motion
+    for kind in (False, True):
+        joints = feet.joints[feet.is_end == kind]
+        if len(joints):
+            heights, before = (positions_of(skeleton, motion)[:, joints, 1] for motion in (locked, loose))
+            floor = heights[known].min()
+            assert before.min() < floor - 0.03
+            assert heights.min() > floor - 0.01  # what the solve leaves
+    assert (locked.rotations[known] == filled.rotations[known]).all()
