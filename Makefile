@@ -352,9 +352,9 @@ $(R)/on-rigs/$(HELD_OUT_AT)/manifest.json: $(C)/evaluate.toml $(R)/on-rigs/clips
 	$(PUMPS) evaluate --config $< --motion $(R)/on-rigs/clips --tasks interpolation --tasks transition \
 	  --max-windows $(HELD_OUT_WINDOWS) $(addprefix --weights ,$(HELD_OUT_WEIGHTS)) -o $(@D)
 
-# The tables of docs/results.md about the weights that ship. Where the cores are free, `make -j2` with OMP_NUM_THREADS=1.
-WEIGHTS_ARCHIVES = archive in ($(foreach name,$(1),"$(name).zip",))
-WEIGHTS_MEASURED := own-small own-small-free parts-small loose-small unseen-small-free on-rigs/small
+# The tables of docs/results.md about the weights that ship: each on the test clips of its own archives, part by part and
+# with loose feet; and what held-out and unseen-rigs measure. Cores that are free want `make -j2` and OMP_NUM_THREADS=1.
+WEIGHTS_MEASURED := own-small own-small-free parts-small loose-small evaluate-small-free-20 on-rigs/evaluate-small-20
 
 weights-report: install-dev
 	@$(MAKE) --no-print-directory weights-measured RUN='$(call unless_given,RUN,weights)' PRESET=laptop \
@@ -362,30 +362,22 @@ weights-report: install-dev
 	$(VENV)/bin/python benchmarks/weights_tables.py '$(RUNS)/$(call unless_given,RUN,weights)' --page docs/results.md
 
 weights-measured: configure
-	@$(MAKE) --no-print-directory $(WEIGHTS_MEASURED:%=$(R)/%/manifest.json)
+	@$(MAKE) --no-print-directory $(patsubst %,$(R)/%/manifest.json,$(filter own-% parts-% loose-%,$(WEIGHTS_MEASURED)))
+	@$(MAKE) --no-print-directory $(R)/evaluate-small-free-20/manifest.json HELD_OUT_WEIGHTS=small-free HELD_OUT_WINDOWS=20
+	@$(MAKE) --no-print-directory $(R)/on-rigs/evaluate-small-20/manifest.json HELD_OUT_WEIGHTS=small HELD_OUT_WINDOWS=20
 
-weights_measured = $(PUMPS) evaluate --config $(C)/evaluate.toml --weights $(1) -o $(@D)
+WEIGHTS_MANIFESTS := $(wildcard stages/shared/weights/*/*/manifest.json)
+on_own_archives = $(PUMPS) evaluate --config $(C)/evaluate.toml --weights $* --motion $(R)/ingest \
+  --where 'archive in ($(foreach name,$(PRETRAIN_$*),"$(name).zip",))' -o $(@D)
 
-$(R)/own-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
-	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))'
+$(R)/own-%/manifest.json: $(R)/ingest/manifest.json $(WEIGHTS_MANIFESTS)
+	$(on_own_archives)
 
-$(R)/own-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small-free/*/manifest.json)
-	$(call weights_measured,small-free) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small-free))'
+$(R)/parts-%/manifest.json: $(R)/ingest/manifest.json $(WEIGHTS_MANIFESTS)
+	$(on_own_archives) --breakdown --tasks interpolation --max-windows 8
 
-$(R)/parts-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
-	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
-	  --breakdown --tasks interpolation --max-windows 8
-
-$(R)/loose-small/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
-	$(call weights_measured,small) --motion $(R)/ingest --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
-	  --no-foot-lock --tasks interpolation --intervals 15 --intervals 30 --max-windows 12
-
-$(R)/unseen-small-free/manifest.json: $(R)/ingest/manifest.json $(wildcard stages/shared/weights/small-free/*/manifest.json)
-	$(call weights_measured,small-free) --motion $(R)/ingest --unseen --tasks interpolation --tasks transition --max-windows 20
-
-$(R)/on-rigs/small/manifest.json: $(R)/on-rigs/clips/manifest.json $(wildcard stages/shared/weights/small/*/manifest.json)
-	$(call weights_measured,small) --motion $(R)/on-rigs/clips --where '$(call WEIGHTS_ARCHIVES,$(PRETRAIN_small))' \
-	  --tasks interpolation --tasks transition --max-windows 20
+$(R)/loose-%/manifest.json: $(R)/ingest/manifest.json $(WEIGHTS_MANIFESTS)
+	$(on_own_archives) --no-foot-lock --tasks interpolation --intervals 15 --intervals 30 --max-windows 12
 
 # ---- to look at ------------------------------------------------------------------------------------------------
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -18,6 +16,7 @@ from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.kinematics.forward import positions_of
+from tests.pipeline.benchmark_scripts import benchmark_script
 from tests.report.test_report_stage import parsed
 from tests.shared.inference.examples import write_random_weights
 
@@ -27,12 +26,7 @@ SHARED = ROOT.parent / "shared" / "data"
 
 @pytest.fixture(scope="module")
 def made() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("gallery", ROOT / "benchmarks" / "gallery.py")
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["gallery"] = module  # where dataclasses look for their module
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_script("gallery")
 
 
 def test_it_has_twelve_clips_two_on_each_of_six_rigs(made: ModuleType) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import sys
 from dataclasses import replace
@@ -13,6 +12,7 @@ import pytest
 
 from data_schemas.artefact import write_artefact
 from data_schemas.metrics import write_metrics
+from tests.pipeline.benchmark_scripts import benchmark_script
 from tests.shared.statistics.test_tables import ROW
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,12 +22,7 @@ SECTION = re.compile(r"<!-- weights (.+): begin -->(.*?)<!-- weights \1: end -->
 
 @pytest.fixture(scope="module")
 def made() -> ModuleType:
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    spec = importlib.util.spec_from_file_location("weights_tables", ROOT / "benchmarks" / "weights_tables.py")
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_script("weights_tables")
 
 
 def test_every_table_has_its_place_on_the_page_and_its_target_in_the_makefile(made: ModuleType) -> None:

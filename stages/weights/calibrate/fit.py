@@ -87,7 +87,7 @@ def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
 def careful_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
     """The least trust of the fits that leave one archive out; of a single archive its own fit."""
     if len(archives) < 2:
-        return fit(list(archives.values()), prior)
+        return joint_fit(archives, prior)
     return np.min([fit([s for other, s in archives.items() if other != name], prior) for name in archives], axis=0)
 
 
@@ -102,6 +102,8 @@ def trust_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
     Care is for weights that know some families of skeletons alone; where they know all alike, it throws away a tenth
     of what they know.
     """
+    if len(archives) < 2:
+        return joint_fit(archives, prior)
     return max((joint_fit, careful_fit), key=lambda way: _gain_left_out(way, archives, prior))(archives, prior)
 
 
@@ -109,9 +111,8 @@ def _gain_left_out(way: Callable[..., np.ndarray], archives: dict[str, Sums], pr
     gains = [
         gain(sums, way({other: each for other, each in archives.items() if other != name}, prior))
         for name, sums in archives.items()
-        if len(archives) > 1
     ]
-    return float(np.mean(gains or [0.0]))
+    return float(np.mean(gains))
 
 
 def gain(sums: Sums, trust: np.ndarray) -> float:

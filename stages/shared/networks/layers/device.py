@@ -32,8 +32,7 @@ def choose_device(name: str) -> torch.device:
 def computes_bfloat16(device: torch.device) -> bool:
     """Whether bfloat16 products are faster than float32 there.
 
-    On GPUs since Ampere; on CPUs with AMX tiles (six times as fast) or AVX-512's bfloat16 dot products (four times on
-    Zen 5, where MKL's float32 products do without AVX-512).
+    On GPUs since Ampere; on CPUs with AMX tiles or AVX-512's bfloat16 dot products (docs/performance.md has figures).
     """
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
