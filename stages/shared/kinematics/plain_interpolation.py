@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from data_schemas.errors import UsageError
+from stages.shared.kinematics.device import onto
 
 
 class Damping(NamedTuple):
@@ -109,7 +110,7 @@ def interpolate_pose(
         roots: (K, 3) positions of joint 0, metres.
         offsets: (K, J, 3) joints' heads in their parents' frames, metres, or (J, 3) where they never vary.
         key_times: (K,) strictly rising, any unit.
-        times: (T,) in the same unit.
+        times: (T,) in the same unit. Both may lie on the CPU whatever the poses' device.
         smooth: 0 is slerp and lerp, 1 the C1 cubic through the keys, between them the tangents are blended; a number,
             (K-1,) with one for each segment, or such of rotations and of places, as `damped_smoothness` gives.
         glide: how to go on before the first and after the last key; None holds them.
@@ -122,8 +123,8 @@ def interpolate_pose(
     if len(key_times) == 1:
         held = times.new_zeros(len(times), dtype=torch.long)
         return local[held], roots[held], offsets[held] if varying else offsets
-    segments = locate_segments(key_times, times)
-    lengths = key_times.double().diff().float()
+    segments = Segments(*(onto(part, local.device) for part in locate_segments(key_times, times)))
+    lengths = onto(key_times.double().diff().float(), local.device)
     turns, places = smooth if isinstance(smooth, Smoothing) else (smooth, smooth)
     local_out = _rotation_curve(_continuous_signs(local), lengths, segments, turns)
     roots_out = _position_curve(roots, lengths, segments, places)

@@ -6,6 +6,7 @@ import roma
 import torch
 from torch import Tensor
 
+from stages.shared.kinematics.device import onto
 from stages.shared.kinematics.plain_interpolation import (
     DAMPING,
     Damping,
@@ -36,7 +37,7 @@ def interpolate_windows(
     Args:
         heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
         parents: (B, J), -1 for roots and unused bones, parents before children.
-        known: (B, T), at least one True in every row; other frames are not read.
+        known: (B, T) on the CPU, at least one True in every row; other frames are not read.
         rate_hz: frames in a second; long gaps leave slerp less, as `damping` has it (`damped_smoothness`).
         glide: how to go on before the first and after the last key, in frames; None holds them.
 
@@ -45,18 +46,21 @@ def interpolate_windows(
     batch, frames, bones = heads.shape[:3]
     index = parents.clamp_min(0)
     has_parent = (parents >= 0).unsqueeze(-1)
+    times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
     window, frame = _held_keys(known)
     source = _nearest_known(known)[window, frame]
+    # Where keys lie is worked out on the CPU, so that a GPU is never waited for.
+    key_times = times[window, frame]
+    smooth = damped_smoothness(key_times, rate_hz, damping)
+    device = heads.device
+    window, source = onto(window, device), onto(source, device)
     key_heads = heads[window, source]
     local, offsets = _in_parents(key_heads, rotations[window, source], index[window], has_parent[window])
 
-    times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
-    key_times = times[window, frame]
-    smooth = damped_smoothness(key_times, rate_hz, damping)
     local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
     local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
     if glide is not None and any(glide):
-        row, at, edge, inner = _beyond_keys(known)
+        row, at, edge, inner = (onto(part, device) for part in _beyond_keys(known))
         edges, inners = (
             _in_parents(heads[row, key], rotations[row, key], index[row], has_parent[row]) for key in (edge, inner)
         )
@@ -64,7 +68,7 @@ def interpolate_windows(
         local[row, at], offsets[row, at] = glide_on((edges[0], inners[0]), (edges[1], inners[1]), gap, away, glide)
 
     out_heads, out_rotations = offsets.clone(), local.clone()
-    rows = torch.arange(batch)
+    rows = torch.arange(batch, device=device)
     for bone in range(1, bones):  # parents come before children
         turn = out_rotations[rows, :, index[:, bone]]
         place = out_heads[rows, :, index[:, bone]]

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stages.shared.kinematics.device import onto
 from stages.shared.training.task import rows_of
 
 if TYPE_CHECKING:
@@ -31,11 +32,13 @@ def with_other_proportions(windows: Windows, most: float | np.ndarray, rng: np.r
         rng: each window's factors are drawn from its own generator (`rows_of`).
     """
     batch, bones = windows.groups.shape
-    kinds = torch.tensor(_KINDS)[windows.groups]
+    device = windows.heads.device
+    kinds = onto(torch.tensor(_KINDS), device)[windows.groups]
     ranks = _ranks(windows)
     table = np.stack([row.uniform(-1, 1, (max(_KINDS) + 1, bones)) for row in rows_of(rng, batch)])
-    reach = torch.from_numpy(np.log(np.broadcast_to(most, batch))).unsqueeze(1)
-    factors = torch.from_numpy(table)[torch.arange(batch).unsqueeze(1), kinds, ranks].mul(reach).exp().float()
+    reach = onto(torch.from_numpy(np.log(np.broadcast_to(most, batch))), device).unsqueeze(1)
+    rows = torch.arange(batch, device=device).unsqueeze(1)
+    factors = onto(torch.from_numpy(table), device)[rows, kinds, ranks].mul(reach).exp().float()
 
     lengths = windows.tails.norm(dim=-1) * ((kinds == _LEGS) & (windows.weights > 0))
     legs = (lengths * factors).sum(1) / lengths.sum(1).clamp_min(1e-9)
@@ -54,7 +57,7 @@ def _ranks(windows: Windows) -> Tensor:
 
 def _hung(windows: Windows, factors: Tensor, legs: Tensor) -> Tensor:
     """Heads (B, T, J, 3): each at its parent's, the way between them scaled; a scale needs no frame to be in."""
-    rows = torch.arange(len(factors))
+    rows = torch.arange(len(factors), device=factors.device)
     heads = windows.heads.clone()
     heads[:, :, 0] = windows.heads[:, :, 0] * legs.view(-1, 1, 1)
     for bone in range(1, heads.shape[2]):  # parents come before children

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import read_checkpoint, write_checkpoint
@@ -21,13 +22,19 @@ from stages.shared.training.unfinished import Unfinished
 from stages.shared.training.windows import WindowPool
 from stages.shared.weights.trainings import trainings_of
 
+_CPU = torch.device("cpu")
 
-def window_pools(reader: TpcReader, config: TrainingConfig) -> tuple[WindowPool, WindowPool]:
+
+def window_pools(
+    reader: TpcReader, config: TrainingConfig, device: torch.device = _CPU
+) -> tuple[WindowPool, WindowPool]:
     """Pools to train on and to validate on; where no clip is marked for validation, the training clips serve.
 
+    On a GPU windows are made there, unless processes of their own draw them.
     The reader must stay open as long as they are used.
     """
-    training = WindowPool(reader, ("train",), balance=config.balance, cache_mb=config.cache_mb)
+    where = device if config.workers == 0 else _CPU
+    training = WindowPool(reader, ("train",), balance=config.balance, cache_mb=config.cache_mb, device=where)
     try:
         return training, WindowPool(reader, ("val",), balance=config.balance, cache_mb=0)
     except InputError:

@@ -16,6 +16,7 @@ from torch import Tensor
 from data_schemas.errors import InputError
 from data_schemas.tpc import TpcReader
 from stages.shared.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
+from stages.shared.kinematics.device import onto
 from stages.shared.pointcloud.sampling import place_points, points_in_bone, spread_points
 from stages.shared.training.frame_cache import FrameCache
 from stages.shared.training.proportions import with_other_proportions
@@ -23,6 +24,8 @@ from stages.shared.training.task import rows_of
 
 _SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
 _SIZE = (0.8, 1.4)
+_CPU = torch.device("cpu")
+_DEVICE_SHARE = 0.3  # of a GPU's free memory that frames may take
 
 
 @dataclass
@@ -30,7 +33,8 @@ class Windows:
     """A batch of windows of bones' transforms; J is the largest skeleton's number of bones, rows beyond are unused.
 
     heads (B, T, J, 3), rotations (B, T, J, 4) global xyzw, valid (B, T), parents (B, J) int64 (-1 for the root),
-    tails (B, J, 3), groups (B, J) int64, weights (B, J) (0 for unseen or unused bones).
+    tails (B, J, 3), groups (B, J) int64, weights (B, J) (0 for unseen or unused bones). `valid` lies on the CPU, the
+    others on the pool's device.
     """
 
     heads: Tensor
@@ -51,6 +55,7 @@ class WindowPool:
         balance: a data set (the archive, or the folder, that a clip came from) is drawn in proportion to its frames
             to this power: 1 is as they come, 0 is an equal share each, as the authors do.
         cache_mb: megabytes of frames to keep in memory.
+        device: where windows are made. On a CUDA device all frames are kept there, where they fit.
 
     Raises: InputError where no clip of the splits is long enough or rigid.
     """
@@ -63,6 +68,7 @@ class WindowPool:
         least_frames: int = 8,
         balance: float = 0.0,
         cache_mb: float = 256,
+        device: torch.device = _CPU,
     ):
         # A rigid clip names the bones it rides on; a dense one has none.
         rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames and row.skeleton]
@@ -76,6 +82,10 @@ class WindowPool:
         self.clips = [row.clip for row in rows]
         self.lengths = np.array([row.frames for row in rows])
         self.skeletons = np.array([self._order[row.skeleton] for row in rows])
+        self.device = device if self._fits(device) else _CPU
+        self._all_frames: Tensor | None = None
+        if self.device.type != "cpu":
+            self._keep_all_frames()
         self.share = _clip_shares([row.source for row in rows], self.lengths, balance)
         self._chances = np.cumsum(self.share)
 
@@ -93,6 +103,22 @@ class WindowPool:
             self.tails[index, :count] = torch.from_numpy(np.asarray(each.tails, dtype=np.float32))
             self.groups[index, :count] = torch.from_numpy(np.maximum(np.asarray(each.groups, dtype=np.int64), 0))
             self.weights[index, :count] = torch.from_numpy(np.asarray(each.weights, dtype=np.float32))
+
+    def _fits(self, device: torch.device) -> bool:
+        wanted = 28 * int(self.lengths.sum()) * self.tails.shape[1]
+        return device.type == "cuda" and wanted < _DEVICE_SHARE * torch.cuda.mem_get_info(device)[0]
+
+    def _keep_all_frames(self) -> None:
+        """All clips' frames one after the other, (F, J, 7), and where each begins, on the device."""
+        frames = torch.zeros(int(self.lengths.sum()), self.tails.shape[1], 7)
+        frames[..., 6] = 1
+        self._begins = np.cumsum(self.lengths) - self.lengths
+        for clip, begin, length in zip(self.clips, self._begins, self.lengths, strict=True):
+            read = torch.from_numpy(self._cache.frames(clip, 0, length))
+            frames[begin : begin + length, : read.shape[1]] = read
+        self._all_frames = frames.to(self.device)
+        for name in ("parents", "tails", "groups", "weights"):
+            setattr(self, name, getattr(self, name).to(self.device))
 
     @property
     def kept_bytes(self) -> int:
@@ -133,21 +159,16 @@ class WindowPool:
         valid = wanted <= last + 1e-6
         wanted = np.minimum(wanted, last)
         below = np.floor(wanted).astype(np.int64)
-        share = torch.from_numpy(wanted - below).float()
         above = np.minimum(below + 1, last)
-        frames = np.zeros((2, len(clips), window, self.tails.shape[1], 7), np.float32)
-        frames[..., 6] = 1
-        for row, clip in enumerate(clips):
-            start = below[row, 0]
-            read = self._cache.frames(self.clips[clip], start, above[row, -1] + 1)
-            frames[0, row, :, : read.shape[1]] = read[below[row] - start]
-            frames[1, row, :, : read.shape[1]] = read[above[row] - start]
-        (heads, next_heads), (rotations, next_rotations) = torch.from_numpy(frames).split((3, 4), dim=-1)
-        if bool((share > 0).any()):
+        between = bool((wanted > below).any())
+        share = onto(torch.from_numpy(wanted - below).float(), self.device)
+        frames = self._frames_at(clips, below, above)
+        (heads, next_heads), (rotations, next_rotations) = frames.split((3, 4), dim=-1)
+        if between:
             heads = torch.lerp(heads, next_heads, share[..., None, None])
             rotations = torch.lerp(rotations, next_rotations, share[..., None, None])
             rotations = torch.nn.functional.normalize(rotations, dim=-1)
-        kind = torch.from_numpy(self.skeletons[clips])
+        kind = onto(torch.from_numpy(self.skeletons[clips]), self.device)
         return Windows(
             heads.contiguous(),
             rotations.contiguous(),
@@ -157,6 +178,20 @@ class WindowPool:
             self.groups[kind],
             self.weights[kind],
         )
+
+    def _frames_at(self, clips: np.ndarray, below: np.ndarray, above: np.ndarray) -> Tensor:
+        """Frames `below` and `above` (B, T) of the clips (B,): (2, B, T, J, 7)."""
+        if self._all_frames is not None:
+            rows = np.stack([below, above]) + self._begins[clips, None]
+            return self._all_frames[onto(torch.from_numpy(rows), self.device)]
+        frames = np.zeros((2, *below.shape, self.tails.shape[1], 7), np.float32)
+        frames[..., 6] = 1
+        for row, clip in enumerate(clips):
+            start = below[row, 0]
+            read = self._cache.frames(self.clips[clip], start, above[row, -1] + 1)
+            frames[0, row, :, : read.shape[1]] = read[below[row] - start]
+            frames[1, row, :, : read.shape[1]] = read[above[row] - start]
+        return torch.from_numpy(frames)
 
 
 def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) -> np.ndarray:
@@ -189,7 +224,7 @@ class CloudMap:
         """Another draw of points, as many in each body group, placed alike."""
         same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.bones).unsqueeze(2)).float()
         draws = [_draw_points(row, self.bones.shape[1]) for row in rows_of(rng, len(self.bones))]
-        chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+        chance, alphas, offsets = _stacked(draws, windows.heads.device)
         bones = _chosen(windows.weights.unsqueeze(1) * same_group, chance.unsqueeze(2)).squeeze(2)
         return replace(self, bones=bones, in_bone=points_in_bone(windows.tails, bones, alphas, offsets, self.sigma))
 
@@ -208,23 +243,24 @@ def draw_clouds(
     with `augment` mirror and size (those `as_recorded`, (B,) bool, keep their size). `even`: points are spread evenly
     (`spread_points`). Each window's are drawn from its own generator (`rows_of`)."""
     rows = rows_of(rng, len(windows.heads))
+    device = windows.heads.device
     if even:
-        start = torch.tensor([row.random() for row in rows])
+        start = onto(torch.tensor([row.random() for row in rows]), device)
         bones, alphas, offsets = spread_points(windows.weights, points, start)
     else:
         draws = [_draw_points(row, points) for row in rows]
-        chance, alphas, offsets = (torch.from_numpy(np.stack(part)) for part in zip(*draws, strict=True))
+        chance, alphas, offsets = _stacked(draws, device)
         bones = _chosen(windows.weights, chance)
     placing = np.stack([row.random(7) for row in rows])
-    sigma = torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float()
+    sigma = onto(torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float(), device)
     in_bone = points_in_bone(windows.tails, bones, alphas, offsets, sigma)
     groups = torch.gather(windows.groups, 1, bones)
     size = np.where(_other(augment, as_recorded, len(rows)), _log_uniform(_SIZE, placing[:, 1]), 1.0)
     flip = placing[:, 2] < 0.5 if augment else np.zeros(len(rows), bool)
-    turn = torch.from_numpy(_turns(WHOLE_TURN * placing[:, 3], size, flip)).float()
-    mirrored = torch.tensor(MIRRORED_GROUP)[groups]
-    groups = torch.where(torch.from_numpy(flip).unsqueeze(1), mirrored, groups)
-    shift = torch.from_numpy(placing[:, 4:] - 0.5).float().view(-1, 1, 1, 3)
+    turn = onto(torch.from_numpy(_turns(WHOLE_TURN * placing[:, 3], size, flip)).float(), device)
+    mirrored = onto(torch.tensor(MIRRORED_GROUP), device)[groups]
+    groups = torch.where(onto(torch.from_numpy(flip), device).unsqueeze(1), mirrored, groups)
+    shift = onto(torch.from_numpy(placing[:, 4:] - 0.5).float(), device).view(-1, 1, 1, 3)
     return CloudMap(bones, in_bone, groups, sigma, turn, shift)
 
 
@@ -236,6 +272,11 @@ def _other(augment: bool, as_recorded: np.ndarray | None, batch: int) -> np.ndar
 def _log_uniform(limits: tuple[float, float], chance: np.ndarray) -> np.ndarray:
     low, high = np.log(limits)
     return np.exp(low + (high - low) * chance)
+
+
+def _stacked(draws: Sequence[tuple[np.ndarray, ...]], device: torch.device) -> list[Tensor]:
+    """Each window's arrays -> one tensor for each of them, on the device."""
+    return [onto(torch.from_numpy(np.stack(part)), device) for part in zip(*draws, strict=True)]
 
 
 def _draw_points(rng: np.random.Generator, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -271,5 +312,5 @@ def clouds_of(heads: Tensor, rotations: Tensor, cloud: CloudMap, centre: Tensor)
 
 def known_centre(heads: Tensor, known: Tensor) -> Tensor:
     """(B, 1, 1, 3) mean of the root (bone 0) over known frames: only these may place the window."""
-    weight = known.unsqueeze(-1).to(heads.dtype)
+    weight = onto(known, heads.device).unsqueeze(-1).to(heads.dtype)
     return ((heads[:, :, 0] * weight).sum(1) / weight.sum(1).clamp_min(1)).view(-1, 1, 1, 3)

@@ -19,9 +19,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
-        pool, held_back = window_pools(reader, config)
+        device = choose_device(config.device)
+        pool, held_back = window_pools(reader, config, device)
         trained_on = summary_of(pool, reader)
-        task = AutoencoderTask(config, pool, held_back, choose_device(config.device))
+        task = AutoencoderTask(config, pool, held_back, device)
         trained = train(task, config, progress=progress)
         network = {
             "network": "autoencoder",

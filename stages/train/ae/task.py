@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from stages.shared.kinematics.device import onto
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
@@ -87,7 +88,7 @@ class AutoencoderTask:
         return batches
 
     def _reconstruct(self, batch: CloudBatch, seed: torch.Generator) -> Reconstruction:
-        points, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
+        points, groups, valid = (onto(part, self.device) for part in (batch.points, batch.groups, batch.valid))
         encoder, decoder = self.networks.encoder, self.networks.decoder
         frames = points.shape[1]
         with precision(self.device, self.config.mixed_precision):

@@ -29,9 +29,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             inputs.append(latents.artefact)
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
-        pool, held_back = window_pools(reader, config)
+        device = choose_device(config.device)
+        pool, held_back = window_pools(reader, config, device)
         trained_on = summary_of(pool, reader)
-        task = SynthesiserTask(config, autoencoder, pool, held_back, choose_device(config.device))
+        task = SynthesiserTask(config, autoencoder, pool, held_back, device)
         trained = train(task, config, progress=progress)
         network = {
             "network": "synthesiser",

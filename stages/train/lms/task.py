@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from stages.shared.inference.models import Autoencoder, load_autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.device import onto
 from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.layers.device import precision
@@ -32,7 +33,9 @@ from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
 _LEAST_M = 0.005  # a cloud this near to the truth pulls no more
 _LEAST_LATENT = 0.1
 _IDENTITIES = 7  # the purpose of the generators
-_FRAMES_AT_ONCE = 4096  # clouds encoded in one call
+# Clouds encoded in one call: a GPU wants much work at once, a CPU what stays in its caches.
+_FRAMES_AT_ONCE = {"cuda": 32768}
+_FRAMES_AT_ONCE_CPU = 4096
 # Windows to validate on, in parts; with 32 in all, noise of a hundredth chose the best step.
 _HELD_BACK = (32, 32, 32)
 _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
@@ -169,11 +172,17 @@ class SynthesiserTask:
     def _encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """points (N, P, 3), groups (N, P) -> latents, centroids; no gradient."""
         with torch.no_grad(), precision(self.device, self.config.mixed_precision):
-            parts = [
-                self.encoder(*part)
-                for part in zip(points.split(_FRAMES_AT_ONCE), groups.split(_FRAMES_AT_ONCE), strict=True)
-            ]
+            count = _FRAMES_AT_ONCE.get(self.device.type, _FRAMES_AT_ONCE_CPU)
+            parts = [self.encoder(*part) for part in zip(points.split(count), groups.split(count), strict=True)]
         return torch.cat([latents for latents, _ in parts]), torch.cat([centroids for _, centroids in parts])
+
+    def _encode_into(self, latents: Tensor, centroids: Tensor, points: Tensor, groups: Tensor, rows: Tensor) -> None:
+        """Encode frames `rows` (N,), counted over all windows, of points (B, T, P, 3); write the results into latents
+        (B, T, D) and centroids (B, T, 3)."""
+        clouds = onto(points, self.device).flatten(0, 1)[rows]
+        found = self._encode(clouds, groups[rows])
+        for whole, part in zip((latents, centroids), found, strict=True):
+            whole.flatten(0, 1)[rows] = part
 
     def _decode(self, latents: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
         """Clouds (B, T, P, 3) of latents (B, T, D), in pieces as long as the decoder was trained on."""
@@ -191,20 +200,23 @@ class SynthesiserTask:
 
     def _encode_batch(self, batch: FillBatch) -> LatentBatch:
         device = self.device
-        known, valid, point_groups = (part.to(device) for part in (batch.known, batch.valid, batch.groups))
+        # Which frames to encode is known on the CPU: asking a GPU would wait for it.
+        valid_rows, missing_rows = (
+            onto(mask.flatten().nonzero().squeeze(1), device) for mask in (batch.valid, batch.valid & ~batch.known)
+        )
+        known, valid, point_groups = (onto(part, device) for part in (batch.known, batch.valid, batch.groups))
         frames = known.shape[1]
-        groups = point_groups.unsqueeze(1).expand(-1, frames, -1)
-        missing = valid & ~known
+        groups = point_groups.repeat_interleave(frames, 0)
         latents = torch.zeros(*known.shape, self.encoder.latent_width, device=device)
         centroids = torch.zeros(*known.shape, 3, device=device)
-        latents[valid], centroids[valid] = self._encode(batch.points.to(device)[valid], groups[valid])
+        self._encode_into(latents, centroids, batch.points, groups, valid_rows)
         if batch.base is None:
             every = torch.arange(frames, device=device).expand_as(known)
             base = interpolate_known(latents, known, every), interpolate_known(centroids, known, every)
         else:
             # The base equals the truth at the keys, so only the missing frames of it are encoded.
             base = latents.clone(), centroids.clone()
-            base[0][missing], base[1][missing] = self._encode(batch.base.to(device)[missing], groups[missing])
+            self._encode_into(*base, batch.base, groups, missing_rows)
         identities = self.decoder.draw_noise(len(known), point_groups.shape[1], self._identity_random(batch))
         with torch.no_grad(), precision(device, self.config.mixed_precision):
             true_clouds = self._decode(latents, centroids, point_groups, identities)

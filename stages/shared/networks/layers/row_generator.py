@@ -1,4 +1,8 @@
-"""Random draws inside the networks, by the row: a part of a batch draws what the whole batch would draw for it."""
+"""Random draws inside the networks, by the row: a part of a batch draws what the whole batch would draw for it.
+
+The rows' generators are on the CPU whatever the device is: a seed draws the same numbers everywhere, and a GPU does
+not have to start hundreds of small kernels.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
+
+from stages.shared.kinematics.device import onto
 
 
 class RowGenerator(torch.Generator):
@@ -15,10 +21,10 @@ class RowGenerator(torch.Generator):
 
 
 def row_generator(seed: int, row_seeds: Sequence[int], device: torch.device) -> RowGenerator:
-    """A generator seeded with `seed`, whose rows are seeded with `row_seeds`."""
+    """A generator seeded with `seed` on `device`, whose rows are seeded with `row_seeds`."""
     generator = RowGenerator(device=device)
     generator.manual_seed(seed)
-    generator.rows = [torch.Generator(device=device).manual_seed(each) for each in row_seeds]
+    generator.rows = [torch.Generator().manual_seed(each) for each in row_seeds]
     return generator
 
 
@@ -39,4 +45,4 @@ def _draw(
         return draw(*shape, generator=generator, device=device)
     if len(generator.rows) != shape[0]:
         raise ValueError(f"{len(generator.rows)} rows' generators for {shape[0]} rows")
-    return torch.stack([draw(*shape[1:], generator=row, device=device) for row in generator.rows])
+    return onto(torch.stack([draw(*shape[1:], generator=row) for row in generator.rows]), device)
