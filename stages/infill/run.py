@@ -19,6 +19,7 @@ from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, rate_of
 from stages.shared.formats.bvh_write import write_bvh
 from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
+from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
@@ -118,10 +119,15 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Model
     known = np.zeros(region.frames, bool)
     known[at] = True
     motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
-    device = models.autoencoder.device
-    options = FillOptions(foot_lock=config.foot_lock)
     return fill_motion(
-        skeleton, motion, known, models, points=config.points, seed=config.seed, device=device, options=options
+        skeleton,
+        motion,
+        known,
+        SynthesisedClouds(models),
+        points=config.points,
+        seed=config.seed,
+        device=models.autoencoder.device,
+        options=FillOptions(foot_lock=config.foot_lock),
     )
 
 
