@@ -73,7 +73,8 @@ def test_the_readme_says_what_the_results_say(method: str):
     all_archives = table.partition("| all archives |")[2].partition("L2P as a share of that of zero-velocity")[0]
     row = next(line for line in all_archives.splitlines() if f"| {method} |" in line)
     shares = [cell.split()[0] for cell in row.partition(f"| {method} |")[2].strip(" |").split("|")]
-    shown = next(line for line in (ROOT / "README.md").read_text().splitlines() if f"`{method}`)" in line and "| 0." in line)
+    readme = (ROOT / "README.md").read_text().splitlines()
+    shown = next(line for line in readme if f"`{method}`)" in line and "| 0." in line)
     assert [cell.strip() for cell in shown.strip(" |").split("|")[1:]] == shares
 
 
