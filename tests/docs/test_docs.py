@@ -61,14 +61,39 @@ def test_the_table_of_commands_is_the_registry():
     expected = [
         f"| `{' '.join(('pumps', *s.command))}` | {', '.join(s.reads)} | {s.writes} | {s.summary} |" for s in STAGES
     ]
-    shown = [line for line in (ROOT / "README.md").read_text().splitlines() if line.startswith("| `pumps")]
+    shown = [line for line in (ROOT / "docs" / "commands.md").read_text().splitlines() if line.startswith("| `pumps")]
     assert shown == expected
+
+
+@pytest.mark.parametrize("method", ["damped", "small-free"])
+def test_the_readme_says_what_the_results_say(method: str):
+    """Shares of slerp's L2P over all archives that the default weights never saw."""
+    name = "weights small-free on what it never saw, by archive"
+    table = (ROOT / "docs" / "results.md").read_text().partition(f"<!-- {name}: begin -->")[2].partition("<!--")[0]
+    all_archives = table.partition("| all archives |")[2].partition("L2P as a share of that of zero-velocity")[0]
+    row = next(line for line in all_archives.splitlines() if f"| {method} |" in line)
+    shares = [cell.split()[0] for cell in row.partition(f"| {method} |")[2].strip(" |").split("|")]
+    readme = (ROOT / "README.md").read_text().splitlines()
+    shown = next(line for line in readme if f"`{method}`)" in line and "| 0." in line)
+    assert [cell.strip() for cell in shown.strip(" |").split("|")[1:]] == shares
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_to_files_lead_somewhere(page: Path):
     for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
         assert (page.parent / target).exists(), target
+
+
+def _anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as code hosts make them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_to_headings_lead_to_one(page: Path):
+    for target, anchor in re.findall(r"\]\(([\w./-]*\.md)?#([^)]+)\)", page.read_text()):
+        assert anchor in _anchors(page.parent / target if target else page), f"{target}#{anchor}"
 
 
 @pytest.mark.parametrize(("page", "code"), blocks("python"))

@@ -15,12 +15,18 @@ class MotionData {
     this.nodes = raw.nodes;
   }
 
+  // A node's place, metres, at a frame; between two frames on the straight line from one to the other.
   at(frame, node) {
-    const i = (Math.min(frame, this.frames - 1) * this.nodes + node) * 3, v = this.values, s = this.scale;
-    return [v[i] * s, v[i + 1] * s, v[i + 2] * s];
+    const first = Math.min(Math.floor(frame), this.frames - 1), next = Math.min(first + 1, this.frames - 1);
+    const i = (first * this.nodes + node) * 3, j = (next * this.nodes + node) * 3, share = frame - first;
+    const v = this.values, s = this.scale;
+    if (!(share > 0)) return [v[i] * s, v[i + 1] * s, v[i + 2] * s];
+    return [0, 1, 2].map((k) => s * (v[i + k] + share * (v[j + k] - v[i + k])));
   }
 
-  frameAt(seconds) { return Math.max(0, Math.min(this.frames - 1, Math.round(seconds * this.fps))); }
+  // The frame shown at a time, a whole number; and the same with what lies between frames.
+  frameAt(seconds) { return Math.round(this.placeAt(seconds)); }
+  placeAt(seconds) { return Math.max(0, Math.min(this.frames - 1, seconds * this.fps)); }
 
   // Mean distance of the nodes from another motion's at the same moment, millimetres; null where nodes differ.
   distancesTo(other) {
@@ -143,17 +149,23 @@ class Player {
   }
 
   listenToPointer() {
-    let drag = null;
-    const view = this.canvas, line = this.line;
-    view.addEventListener("pointerdown", (e) => { drag = [e.clientX, e.clientY]; view.setPointerCapture(e.pointerId); });
-    view.addEventListener("pointerup", () => { drag = null; });
-    view.addEventListener("pointercancel", () => { drag = null; });
+    const view = this.canvas, line = this.line, held = new Map(); // pointers that are down -> where they are
+    const release = (e) => held.delete(e.pointerId);
+    view.addEventListener("pointerdown", (e) => {
+      held.set(e.pointerId, [e.clientX, e.clientY]);
+      view.setPointerCapture(e.pointerId);
+    });
+    view.addEventListener("pointerup", release);
+    view.addEventListener("pointercancel", release);
     view.addEventListener("pointermove", (e) => {
-      if (!drag) return;
-      const dx = e.clientX - drag[0], dy = e.clientY - drag[1];
-      drag = [e.clientX, e.clientY];
-      if (e.shiftKey || e.buttons === 2 || e.buttons === 4) this.camera.pan(dx, dy, view.clientHeight);
+      if (!held.has(e.pointerId)) return;
+      const before = grip(held);
+      held.set(e.pointerId, [e.clientX, e.clientY]);
+      const after = grip(held), dx = after.x - before.x, dy = after.y - before.y;
+      const two = held.size > 1; // two fingers pan and pinch, one orbits
+      if (two || e.shiftKey || e.buttons === 2 || e.buttons === 4) this.camera.pan(dx, dy, view.clientHeight);
       else this.camera.orbit(dx, dy);
+      if (two && before.spread > 0 && after.spread > 0) this.camera.zoom(before.spread / after.spread);
       this.draw();
     });
     view.addEventListener("contextmenu", (e) => e.preventDefault());
@@ -216,18 +228,17 @@ class Player {
       this.drawPanel(ctx, view, [[motion, null]], colours);
       ctx.fillStyle = colours.rule;
       if (view.x) ctx.fillRect(view.x, view.y + 12, 1, h - 24);
-      ctx.font = "600 14px system-ui, sans-serif";
       ctx.fillStyle = colours.motions[i % 5];
       ctx.beginPath();
       ctx.arc(view.x + 20, view.y + 22, 5, 0, 7);
       ctx.fill();
-      ctx.fillStyle = colours.text;
-      ctx.fillText(motion.name, view.x + 32, view.y + 27);
+      ctx.font = "600 14px system-ui, sans-serif";
+      label(ctx, motion.name, view.x + 32, view.y + 27, w - 44, colours.text, colours.rim);
       const errors = i ? this.errors[i - 1] : null;
       if (errors) {
         ctx.font = "12px system-ui, sans-serif";
-        ctx.fillStyle = colours.dim;
-        ctx.fillText(`${millimetres(errors[this.frame])} off here`, view.x + 32, view.y + 45);
+        const off = `${millimetres(errors[this.frame])} off here`;
+        label(ctx, off, view.x + 32, view.y + 45, w - 44, colours.dim, colours.rim);
       }
     });
   }
@@ -238,11 +249,12 @@ class Player {
     ctx.rect(view.x, view.y, view.w, view.h);
     ctx.clip();
     // All panels follow the first motion, so that a drift of another can be seen as such.
-    const centre = this.options.follow ? this.first.at(this.frame, this.first.root) : [0, 0, 0];
+    const now = (motion) => motion.placeAt(this.time);
+    const centre = this.options.follow ? this.first.at(now(this.first), this.first.root) : [0, 0, 0];
     const project = this.camera.projector(view, centre), floor = this.scene.floor;
     const ground = [this.camera.target[0] + centre[0], 0, this.camera.target[2] + centre[2]];
     drawGround(ctx, project, ground, floor, colours.grid);
-    for (const [motion] of drawn) drawShadow(ctx, project, motion, motion.frameAt(this.time), floor, colours.shadow);
+    for (const [motion] of drawn) drawShadow(ctx, project, motion, now(motion), floor, colours.shadow);
     drawTrail(ctx, project, drawn[0][0], this.scene.keys, this.frame, floor, colours);
     if (this.options.ghosts) {
       const before = this.scene.keys.filter((k) => k < this.frame).pop(), after = this.scene.keys.find((k) => k > this.frame);
@@ -251,9 +263,9 @@ class Player {
       }
     }
     if (this.options.truth && drawn[0][0] !== this.first) {
-      drawGhost(ctx, project, this.first, this.frame, colours.ghost, 0.55);
+      drawGhost(ctx, project, this.first, now(this.first), colours.ghost, 0.55);
     }
-    for (const [motion, single] of drawn) drawFigure(ctx, project, motion, motion.frameAt(this.time), colours, single);
+    drawBodies(ctx, project, drawn.map(([motion, single]) => [motion, now(motion), single]), colours);
     ctx.restore();
   }
 
@@ -299,6 +311,26 @@ function line(ctx, x0, y0, x1, y1) {
   ctx.moveTo(x0, y0);
   ctx.lineTo(x1, y1);
   ctx.stroke();
+}
+
+// Where the held pointers are on average, and how far they are spread, pixels.
+function grip(held) {
+  const points = [...held.values()], x = mean(points.map((p) => p[0])), y = mean(points.map((p) => p[1]));
+  return { x, y, spread: mean(points.map((p) => Math.hypot(p[0] - x, p[1] - y))) };
+}
+
+const mean = (values) => values.reduce((a, b) => a + b, 0) / values.length;
+
+// Text with a rim in the background's colour, readable over a body; cut where it is wider than its panel.
+function label(ctx, text, x, y, width, colour, rim) {
+  let shown = text;
+  while (shown.length > 1 && ctx.measureText(shown).width > width) shown = `${shown.slice(0, -2)}…`;
+  ctx.lineJoin = "round";
+  ctx.lineWidth = 4;
+  ctx.strokeStyle = rim;
+  ctx.strokeText(shown, x, y);
+  ctx.fillStyle = colour;
+  ctx.fillText(shown, x, y);
 }
 
 // A cleared canvas in CSS pixels, sharp on screens of any density.

@@ -127,14 +127,16 @@ function strokeAll(ctx, motion, place, colour, alpha, width) {
   ctx.globalAlpha = 1;
 }
 
-function drawFigure(ctx, project, motion, frame, colours, single) {
-  const pieces = motion.edges.map(([a, b, group, thin, head]) => {
+// Bodies [motion, frame, one colour or null for the groups' own]: the bones of all of them, the farthest first, so that
+// the body in front hides the one behind it.
+function drawBodies(ctx, project, bodies, colours) {
+  const pieces = bodies.flatMap(([motion, frame, single]) => motion.edges.map(([a, b, group, thin, head]) => {
     const s = project(...motion.at(frame, a)), t = project(...motion.at(frame, b));
-    return { s, t, group, thin, head, depth: (s[3] + t[3]) / 2 };
-  });
-  pieces.sort((p, q) => q.depth - p.depth); // painter's order
+    return { s, t, group, thin, head, single, depth: (s[3] + t[3]) / 2 };
+  }));
+  pieces.sort((p, q) => q.depth - p.depth);
   ctx.lineCap = "round";
-  for (const { s, t, group, thin, head } of pieces) {
+  for (const { s, t, group, thin, head, single } of pieces) {
     const colour = single || colours.groups[group], scale = (s[2] + t[2]) / 2;
     const width = Math.max(thin ? 1 : 2, (thin ? THIN_M : BONE_M[group]) * scale);
     ctx.beginPath();
