@@ -44,14 +44,29 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     rig = _read(config.to)
     target, poses, rig_notes = motion_of(rig)
     progress.advance(note="read")
-    turned = retarget(source, motion, target, poses)
-    made = _moved(config, source, motion, target, turned)
+    made, turned = retargeted(source, motion, target, poses, config)
     progress.advance(note="moved")
     rows = values_of(rig, target, made)
     write_whole(config.output, write_bvh(rig, rows, frame_count=made.frames, frame_time=1 / made.fps))
     progress.advance(note="written")
     notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in rig_notes)]
     return _report(config, source, motion, target, made, turned, notes, time.perf_counter() - started)
+
+
+def retargeted(
+    source: Skeleton, motion: Motion, target: Skeleton, poses: Motion, config: Config
+) -> tuple[Motion, Retargeted]:
+    """A motion on another rig.
+
+    Args:
+        poses: a motion of the target, whose frames are poses that it may start from.
+        config: the method and its settings; its files are not looked at.
+
+    Returns: the target's motion, and how it was found.
+    Raises: InputError for a rig without a pose to start from, or a network of another rig.
+    """
+    turned = retarget(source, motion, target, poses)
+    return _moved(config, source, motion, target, turned), turned
 
 
 def _moved(config: Config, source: Skeleton, motion: Motion, target: Skeleton, turned: Retargeted) -> Motion:

@@ -189,6 +189,15 @@ def rig_beside(source: Source, suffix: str) -> Source | None:
     return max(fitting, key=lambda each: len(stems[each]) + 1000 * (stems[each] == stem), default=None)
 
 
+def recordings_in(source: Source, asked: Asked) -> list[Recording]:
+    """The clips of a file of any format. Raises InputError naming it where it is not a recording."""
+    data = source.read()
+    chosen = recognise(data, source.name)
+    if chosen is None:
+        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+    return read_recordings(data, source, chosen, asked)
+
+
 def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -> list[Recording]:
     """The clips of a source's bytes; a rig that lies beside it is read where `asked` brings none.
 
