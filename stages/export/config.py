@@ -29,7 +29,9 @@ class Config(StageConfig):
         None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
     )
     skeleton: str | None = Field(
-        None, description="Skeleton of files that hold none: an ASF for AMC, a BVH or a list's name for positions."
+        None,
+        description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
+        " name for positions.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
     fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.", gt=0)
