@@ -17,14 +17,19 @@ class Config(StageConfig):
         description="A recording of any format that is read, 'archive.zip!member', or a motion artefact."
     )
     output: Path = Field(description="The file to write, or a folder for all clips of the input.")
-    format: Literal["auto", "bvh", "glb", "amass", "csv", "parquet"] = Field(
-        "auto", description="What to write; auto goes by the output's suffix (.npz is amass)."
+    format: Literal["auto", "bvh", "glb", "amass", "csv", "parquet", "robot-csv"] = Field(
+        "auto",
+        description="What to write; auto goes by the output's suffix (.npz is amass; .csv is robot-csv where --rig is"
+        " a URDF).",
     )
     clip: tuple[str, ...] = Field((), description="Only the clip of this name; all of them where none is named.")
     rig: str | None = Field(
-        None, description="For BVH: a BVH whose header, unit and axes to write in; its joints must correspond."
+        None,
+        description="For BVH: a BVH whose header, unit and axes to write in; its joints must correspond. For"
+        " robot-csv: the robot's URDF (default: --skeleton).",
     )
     values: Literal["both", "positions", "rotations"] = Field("both", description="What a CSV holds of each joint.")
+    respect_limits: bool = Field(False, description="Keep a robot's angles within the limits that its URDF tells.")
     skeleton_map: Path | None = Field(
         None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
     )

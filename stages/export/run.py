@@ -14,11 +14,13 @@ from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_la
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.formats.figure import places_of
 from stages.shared.formats.gltf_write import glb_of_motion
+from stages.shared.formats.robot_rig import robot_named
+from stages.shared.formats.robot_write import csv_of_rows, notes_of_rows, rows_of_motion
 from stages.shared.formats.table_write import csv_of_motion, parquet_of_motion
 from stages.shared.humanoid.anatomy import anatomy_of
 from stages.shared.progress import SILENT, Progress
 
-SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parquet": ".parquet"}
+SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parquet": ".parquet", "robot-csv": ".csv"}
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -60,14 +62,20 @@ def _kind_of(config: Config, into_folder: bool) -> str:
     elif into_folder:
         raise UsageError(f"{config.output} is a folder, so it is not said what to write.", "Give --format.")
     else:
-        by_suffix = {suffix: kind for kind, suffix in SUFFIXES.items()}
+        by_suffix = {suffix: kind for kind, suffix in reversed(SUFFIXES.items())}
         kind = by_suffix.get(config.output.suffix.lower(), "")
+        if kind == "csv" and (config.rig or "").lower().endswith(".urdf"):
+            kind = "robot-csv"
         if not kind:
             raise UsageError(
                 f"{config.output.name} has none of the suffixes {', '.join(by_suffix)}.", "Or give --format."
             )
-    if config.rig is not None and kind != "bvh":
-        raise UsageError(f"--rig is for BVH, and {kind} is to be written.", "Leave it out.")
+    if config.rig is not None and kind not in ("bvh", "robot-csv"):
+        raise UsageError(f"--rig is for BVH and robot-csv, and {kind} is to be written.", "Leave it out.")
+    if config.respect_limits and kind != "robot-csv":
+        raise UsageError(f"--respect-limits is for robot-csv, and {kind} is to be written.", "Leave it out.")
+    if kind == "robot-csv" and not (config.rig or config.skeleton):
+        raise UsageError("It is not said which robot's angles to write.", "Give its URDF: --rig robot.urdf.")
     return kind
 
 
@@ -88,6 +96,10 @@ def _data_of(clip: Clip, kind: str, config: Config) -> tuple[bytes, list[str]]:
         if smpl_layout_of(skeleton) is None:
             notes.insert(0, f"AMASS-like, and not SMPL: surface_model_type is '{NOT_SMPL}'.")
         return data, notes
+    if kind == "robot-csv":
+        robot = robot_named(str(config.rig or config.skeleton))
+        rows = rows_of_motion(robot, skeleton, motion, clip.name, limited=config.respect_limits)
+        return csv_of_rows(rows.values), notes_of_rows(robot, rows, limited=config.respect_limits)
     if kind == "csv":
         return csv_of_motion(skeleton, motion, config.values), []
     return parquet_of_motion(skeleton, motion, clip.name, clip.licence), []

@@ -17,6 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
 from stages.shared.formats.figure import Rig
+from stages.shared.formats.hinges import Hinges
+from stages.shared.formats.sources import source_named
 from stages.shared.formats.urdf import Urdf, UrdfJoint, read_urdf, rotation_of
 from stages.shared.humanoid.joint_names import sense_of
 from stages.shared.humanoid.reference_pose import LEAF_LENGTH_M
@@ -37,35 +39,25 @@ _KNOWN_HEADS = {"g1": (0.0, 0.0, 0.38)}
 class RobotRig:
     """The joints of a robot: the root, then those that turn, depth first; J of them, M of which have a column.
 
+    source:    the URDF's name, for errors.
     names:     as the URDF has them, without "_joint"; the root is called as its link.
-    parents:   (J,), -1 for the root. offsets, end_sites: (J, 3) metres in a figure's axes.
-    at_zero:   (J, 4) xyzw, a joint's rotation in its parent's frame where its angle is zero; figure's axes.
-    axes:      (J, 3) of length 1 in the joint's own frame, zeros for the root and a still head; figure's axes.
-    columns:   (J,) place among the M angles of a row, -1 for none; the angle is factors * value + shifts, which is
-               another joint's value where a joint mimics it.
-    angle_names: M names of joints as the URDF has them, in its order.
-    limits:    (M, 2) lowest and highest angle in radians, infinite where none are told.
+    end_sites: (J, 3) metres, where leaves end.
+    angle_names: M names of joints as the URDF has them, in its order: that of the angles in a row.
+    hinges:    the joints as a figure has them, in its axes.
     """
 
     source: str
     names: tuple[str, ...]
-    parents: tuple[int, ...]
-    offsets: np.ndarray
     end_sites: np.ndarray
-    at_zero: np.ndarray
-    axes: np.ndarray
-    columns: np.ndarray
-    factors: np.ndarray
-    shifts: np.ndarray
     angle_names: tuple[str, ...]
-    limits: np.ndarray
+    hinges: Hinges
 
     def figure(self) -> Rig:
         """The joints as `stages.shared.formats.figure` takes them."""
         return Rig(
             names=self.names,
-            parents=self.parents,
-            offsets=tuple((x, y, z) for x, y, z in self.offsets.tolist()),
+            parents=tuple(self.hinges.parents.tolist()),
+            offsets=tuple((x, y, z) for x, y, z in self.hinges.offsets.tolist()),
             end_sites=tuple((x, y, z) for x, y, z in self.end_sites.tolist()),
             placed=tuple(joint == 0 for joint in range(len(self.names))),
             unit_m=1.0,
@@ -86,6 +78,12 @@ class _Part:
     below: int = 0
 
 
+def robot_named(text: str) -> RobotRig:
+    """The robot of a URDF's path ("archive.zip!member" too). Raises InputError where it is none."""
+    source = source_named(text)
+    return robot_rig(source.read(), source.name)
+
+
 @lru_cache(maxsize=16)
 def robot_rig(data: bytes, name: str) -> RobotRig:
     """The joints of a robot's URDF.
@@ -103,20 +101,19 @@ def robot_rig(data: bytes, name: str) -> RobotRig:
     _set_ends(urdf, parts)
     places = {joint.name: place for place, joint in enumerate(angles)}
     turning = [part.joint for part in parts]
-    return RobotRig(
-        source=name,
-        names=_names(urdf, parts),
-        parents=tuple(part.parent for part in parts),
+    hinges = Hinges(
+        parents=np.array([part.parent for part in parts]),
         offsets=np.array([part.place for part in parts])[:, TO_FIGURE],
-        end_sites=np.array([part.end for part in parts])[:, TO_FIGURE],
         at_zero=_quaternions(parts)[:, (*TO_FIGURE, 3)],
         axes=np.array([joint.axis if joint else (0.0, 0.0, 0.0) for joint in turning])[:, TO_FIGURE],
         columns=np.array([places[joint.mimic or joint.name] if joint else -1 for joint in turning]),
+        leads=np.array([joint is not None and not joint.mimic for joint in turning]),
         factors=np.array([joint.factor if joint else 1.0 for joint in turning]),
         shifts=np.array([joint.shift if joint else 0.0 for joint in turning]),
-        angle_names=tuple(joint.name for joint in angles),
         limits=np.array([joint.limits for joint in angles]),
     )
+    ends = np.array([part.end for part in parts])[:, TO_FIGURE]
+    return RobotRig(name, _names(urdf, parts), ends, tuple(joint.name for joint in angles), hinges)
 
 
 def _parts(urdf: Urdf, name: str) -> list[_Part]:

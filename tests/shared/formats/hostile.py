@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from stages.shared.formats.robot_csv import ROOT_COLUMNS
+from stages.shared.formats.robot_table import ROOT_COLUMNS
 from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText

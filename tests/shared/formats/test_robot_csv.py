@@ -10,7 +10,8 @@ from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.formats.figure import places_of
 from stages.shared.formats.readers import recognise
 from stages.shared.formats.recording import Asked, Recording
-from stages.shared.formats.robot_csv import ROOT_COLUMNS, read_robot_csv
+from stages.shared.formats.robot_csv import read_robot_csv
+from stages.shared.formats.robot_table import ROOT_COLUMNS
 from tests.shared.formats.robot_files import ANGLES, JOINTS, RobotText, csv_of, some_rows
 
 ROBOT = RobotText()

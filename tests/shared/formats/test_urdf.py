@@ -83,8 +83,8 @@ def test_limits_and_order_are_the_files() -> None:
     rig = robot_rig(RobotText(limits=(-1.5, 2.25)).urdf(), "t.urdf")
     assert rig.angle_names == ANGLES
     wrists = [name.endswith("wrist_joint") for name in ANGLES]
-    assert np.array_equal(rig.limits[~np.array(wrists)], np.tile([-1.5, 2.25], (len(ANGLES) - 2, 1)))
-    assert np.array_equal(rig.limits[wrists], np.tile([-math.inf, math.inf], (2, 1)))  # continuous
+    assert np.array_equal(rig.hinges.limits[~np.array(wrists)], np.tile([-1.5, 2.25], (len(ANGLES) - 2, 1)))
+    assert np.array_equal(rig.hinges.limits[wrists], np.tile([-math.inf, math.inf], (2, 1)))  # continuous
 
 
 def test_no_mesh_is_opened(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,6 +109,6 @@ HEADS = {  # in a figure's axes
 def test_a_head_that_turns_nowhere_is_a_still_joint(robot: RobotText, place: tuple) -> None:
     rig = robot_rig(robot.urdf(), "t.urdf")
     head = rig.names.index("head")
-    assert rig.columns[head] == -1 and rig.names[rig.parents[head]] == "waist_yaw"
-    assert np.allclose(rig.offsets[head], place, atol=1e-4)
-    assert all(parent < joint for joint, parent in enumerate(rig.parents))
+    assert rig.hinges.columns[head] == -1 and rig.names[rig.hinges.parents[head]] == "waist_yaw"
+    assert np.allclose(rig.hinges.offsets[head], place, atol=1e-4)
+    assert all(parent < joint for joint, parent in enumerate(rig.hinges.parents))
