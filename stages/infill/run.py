@@ -1,4 +1,4 @@
-"""`pumps infill`: a BVH and its keyframes in, the same BVH with the frames between filled out."""
+"""`pumps infill`: a file of rows and its keyframes in, the same file with the frames between filled out."""
 
 from __future__ import annotations
 
@@ -7,18 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.infill.config import Config
-from stages.infill.euler_rows import rows_between_keys
 from stages.infill.request import Request, request_of
+from stages.infill.row_files import row_file
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
 from stages.shared.contract import StageReport
-from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_motion import motion_of, rate_of
-from stages.shared.formats.bvh_write import write_bvh
-from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
+from stages.shared.formats.skeleton_map import read_skeleton_map
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
@@ -36,60 +33,37 @@ class _Region(NamedTuple):
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Fill a BVH. Rows that are neither keys nor outside of them are not read.
+    """Fill a BVH or a robot's joint angles. Rows that are neither keys nor outside of them are not read.
 
     Raises: UsageError for options that contradict each other; InputError for a file, frames or weights that are bad.
     """
     started = time.perf_counter()
     _check_output(config)
-    bvh = _read(config)
     if config.fps_override is not None and not 0 < config.fps_override < 1e6:
         raise UsageError(f"--fps-override {config.fps_override} is no frame rate.", "Give frames a second.")
-    request = request_of(config, bvh.frames, config.fps_override or rate_of(bvh.frame_time))
-    key_file = bvh.select(request.key_rows)
-    _check_keys_are_read(bvh, key_file.values, request)
+    file = row_file(config)
+    request = request_of(config, file.frames, file.fps)
     progress.start("filling", 3)
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
-    choose_map(maps, [joint.name for joint in bvh.joints], must_fit=bool(maps))
-    skeleton, key_motion, notes = motion_of(key_file, fps_override=config.fps_override, skeleton_maps=maps)
+    skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)
     models = load_weights(config.weights, config.device)
     progress.advance(note="weights")
     region = _region_of(request, models.window, key_motion.fps)
     filled = _fill(skeleton, key_motion, region, models, config)
     progress.advance(note="filled")
-    values = np.zeros((request.frames, key_file.values.shape[1]))
-    made = rows_between_keys(
-        key_file, skeleton, filled.motion, region.keys - region.first, key_file.values[region.of_all]
-    )
-    values[region.first : region.first + region.frames] = made
-    write_whole(config.output, write_bvh(bvh, values, request.kept, request.frames))
+    rows = request.key_rows[region.of_all]
+    data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
+    write_whole(config.output, data)
     progress.advance(note="written")
+    notes = [*notes, *losses]
     return _report(config, request, region, skeleton, filled, models, notes, time.perf_counter() - started)
 
 
 def _check_output(config: Config) -> None:
     if config.output.is_dir():
-        raise UsageError(f"{config.output} is a folder.", "Name the BVH to write.")
+        raise UsageError(f"{config.output} is a folder.", "Name the file to write.")
     if config.output.exists() and not config.overwrite:
         raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it.")
-
-
-def _read(config: Config) -> BvhFile:
-    try:
-        data = config.input.read_bytes()
-    except OSError as error:
-        raise InputError(f"{config.input} cannot be read: {error.strerror}.", "Check the path.") from None
-    sparse = config.times is not None or config.frames is not None
-    return read_bvh(data, str(config.input), keep_unreadable_rows=not sparse)
-
-
-def _check_keys_are_read(bvh: BvhFile, key_values: np.ndarray, request: Request) -> None:
-    bad = np.flatnonzero(~np.isfinite(key_values).all(axis=1))
-    if len(bad):
-        raise InputError(
-            f"{bvh.name}: row {request.key_rows[bad[0]]}, a keyframe, does not hold {key_values.shape[1]} numbers.",
-            "Mend the row or leave it out of the keyframes.",
-        )
 
 
 def _region_of(request: Request, window: int, fps: float) -> _Region:
