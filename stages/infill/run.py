@@ -1,25 +1,23 @@
-"""`pumps infill`: a BVH and its keyframes in, the same BVH with the frames between filled out."""
+"""`pumps infill`: a file of rows and its keyframes in, the same file with the frames between filled out."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.infill.config import Config
-from stages.infill.euler_rows import rows_between_keys
 from stages.infill.request import Request, request_of
+from stages.infill.row_files import RowFile, row_file
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
 from stages.shared.contract import StageReport
-from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_motion import motion_of, rate_of
-from stages.shared.formats.bvh_write import write_bvh
-from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
+from stages.shared.formats.skeleton_map import read_skeleton_map
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import bytes_of_motion, written_format
 from stages.shared.inference.cloud_sources import SynthesisedClouds
@@ -40,27 +38,27 @@ class Region(NamedTuple):
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Fill a BVH. Rows that are neither keys nor outside of them are not read.
+    """Fill a BVH or a robot's joint angles. Rows that are neither keys nor outside of them are not read.
 
     Raises: UsageError for options that contradict each other; InputError for a file, frames or weights that are bad.
     """
     started = time.perf_counter()
-    kind = _check_output(config)
-    bvh = _read(config)
+    _check_output(config)
+    file = row_file(source_named(str(config.input)), config)
     progress.start("filling", 3)
     models = load_weights(config.weights, config.device)
     progress.advance(note="weights")
-    made = fill_bvh(bvh, config, models)
+    made = fill_file(file, config, models)
     progress.advance(note="filled")
-    data, notes = (made.data, []) if kind == "bvh" else _converted(made, kind, config)
+    data, losses = _in_format_of(config.output, file, made)
     write_whole(config.output, data)
     progress.advance(note="written")
-    return _report(config, made, models, notes, time.perf_counter() - started)
+    return _report(config, made, models, losses, time.perf_counter() - started)
 
 
 @dataclass(frozen=True)
-class FilledBvh:
-    """A filled BVH.
+class FilledFile:
+    """A filled file.
 
     data:   its bytes; keys and what lies outside of them stand in it as they stood in the input.
     filled: what was filled, from frame `region.first` on. notes: on the input, one sentence each.
@@ -74,8 +72,8 @@ class FilledBvh:
     notes: tuple[str, ...]
 
 
-def fill_bvh(bvh: BvhFile, config: Config, models: Models) -> FilledBvh:
-    """Fill a BVH between its keys. Rows that are neither keys nor outside of them are not read.
+def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
+    """Fill a file of rows between its keys. Rows that are neither keys nor outside of them are not read.
 
     Args:
         config: which frames are keys, and how to fill; its input, output and weights are not looked at.
@@ -84,51 +82,31 @@ def fill_bvh(bvh: BvhFile, config: Config, models: Models) -> FilledBvh:
     """
     if config.fps_override is not None and not 0 < config.fps_override < 1e6:
         raise UsageError(f"--fps-override {config.fps_override} is no frame rate.", "Give frames a second.")
-    request = request_of(config, bvh.frames, config.fps_override or rate_of(bvh.frame_time))
-    key_file = bvh.select(request.key_rows)
-    _check_keys_are_read(bvh, key_file.values, request)
+    request = request_of(config, file.frames, file.fps)
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
-    choose_map(maps, [joint.name for joint in bvh.joints], must_fit=bool(maps))
-    skeleton, key_motion, notes = motion_of(key_file, fps_override=config.fps_override, skeleton_maps=maps)
+    skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)
     region = _region_of(request, models.window, key_motion.fps)
     filled = _fill(skeleton, key_motion, region, models, config)
-    values = np.zeros((request.frames, key_file.values.shape[1]))
-    made = rows_between_keys(
-        key_file, skeleton, filled.motion, region.keys - region.first, key_file.values[region.of_all]
-    )
-    values[region.first : region.first + region.frames] = made
-    data = write_bvh(bvh, values, request.kept, request.frames)
-    return FilledBvh(data, request, region, skeleton, filled, tuple(notes))
+    rows = request.key_rows[region.of_all]
+    data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
+    return FilledFile(data, request, region, skeleton, filled, (*notes, *losses))
 
 
-def _converted(made: FilledBvh, kind: str, config: Config) -> tuple[bytes, list[str]]:
-    """The filled motion in another format than BVH, by the same writers as `pumps export`."""
-    skeleton, motion, _ = motion_of(read_bvh(made.data, str(config.output)), fps_override=config.fps_override)
-    return bytes_of_motion(kind, skeleton, motion, config.output.stem)
-
-
-def _check_output(config: Config) -> str:
-    """The format to write. Raises UsageError for an output that exists, or whose suffix is of no format."""
+def _check_output(config: Config) -> None:
+    """Raises UsageError for an output that exists, is the input, or has a suffix of no format."""
     if config.output.is_dir():
         raise UsageError(f"{config.output} is a folder.", "Name the file to write.")
     if config.output.exists() and not config.overwrite:
         raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it.")
-    return written_format(config.output)
+    written_format(config.output)
 
 
-def _read(config: Config) -> BvhFile:
-    sparse = config.times is not None or config.frames is not None
-    source = source_named(str(config.input))
-    return read_bvh(source.read(), source.name, keep_unreadable_rows=not sparse)
-
-
-def _check_keys_are_read(bvh: BvhFile, key_values: np.ndarray, request: Request) -> None:
-    bad = np.flatnonzero(~np.isfinite(key_values).all(axis=1))
-    if len(bad):
-        raise InputError(
-            f"{bvh.name}: row {request.key_rows[bad[0]]}, a keyframe, does not hold {key_values.shape[1]} numbers.",
-            "Mend the row or leave it out of the keyframes.",
-        )
+def _in_format_of(output: Path, file: RowFile, made: FilledFile) -> tuple[bytes, list[str]]:
+    """The filled file as it is, or what `pumps export` makes of it where the output is of another format."""
+    if output.suffix.lower() == file.suffix:
+        return made.data, []
+    skeleton, motion = file.motion_in(made.data)
+    return bytes_of_motion(written_format(output), skeleton, motion, output.stem)
 
 
 def _region_of(request: Request, window: int, fps: float) -> Region:
@@ -169,11 +147,11 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: Region, models: Models
     )
 
 
-def _report(config: Config, made: FilledBvh, models: Models, remarks: list[str], seconds: float) -> StageReport:
+def _report(config: Config, made: FilledFile, models: Models, losses: list[str], seconds: float) -> StageReport:
     request, region, skeleton, filled = made.request, made.region, made.skeleton, made.filled
     missing = request.missing
     fallbacks = fallbacks_of(skeleton, filled.plain, region.first, missing - region.first)
-    warnings = [*made.notes, *request.notes, *remarks, *warnings_of(skeleton, filled, models.longest_gap)]
+    warnings = [*made.notes, *request.notes, *losses, *warnings_of(skeleton, filled, models.longest_gap)]
     frames = filled.jump_frames + region.first
     gap_s = filled.longest_gap_s
     lines = [f"Note: {note}" for note in warnings]

@@ -6,13 +6,15 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from data_schemas.errors import InputError
 from stages.shared.formats.sources import Source
 
 SPLITS_NAME = "splits.json"
+_STRICTEST = ("train", "val", "test")
+_NOTES = (".json", ".txt")  # of such a name beside a recording: what tells of it, seldom a recording
 _TEST_SHARE, _VAL_SHARE = 10, 20  # one in so many, where no file says
 
 
@@ -32,7 +34,7 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
     {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training; a "licence" may
     stand beside the lists.
     A data set that no file names is split by a hash of its members' names, so that the order they come in means
-    nothing.
+    nothing. Files of one name in several formats are taken for copies of one recording, and stay together.
 
     Raises: InputError where a splits file is damaged.
     """
@@ -57,6 +59,17 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
         if missing:
             assigned.notes.append(
                 f"{path} names {len(missing)} clips of {data_set} that are not there, first '{missing[0]}'."
+            )
+    for data_set, members in by_set.items():
+        copies = _copies(members)
+        for names in copies:
+            split = max((assigned.splits[name] for name in names), key=_STRICTEST.index)
+            assigned.splits |= dict.fromkeys(names, split)
+        if copies:
+            first = " and ".join(PurePosixPath(name).name for name in copies[0])
+            assigned.notes.append(
+                f"{len(copies)} recordings of {data_set} seem to be there in several formats, first {first};"
+                " all are read."
             )
     return assigned
 
@@ -94,6 +107,20 @@ def _by_file(members: Sequence[Source], named: dict[str, Any]) -> tuple[dict[str
         if split:
             used.add(source.member)
     return splits, sorted(set(wanted) - used)
+
+
+def _copies(members: Sequence[Source]) -> list[list[str]]:
+    """Sources' names of recordings that are there in several formats, each format once."""
+    by_stem: dict[str, list[Source]] = {}
+    for source in members:
+        if source.suffix in _NOTES:
+            continue
+        by_stem.setdefault(PurePosixPath(source.member).stem.lower(), []).append(source)
+    return [
+        [source.name for source in found]
+        for found in by_stem.values()
+        if len(found) > 1 and len({source.suffix for source in found}) == len(found)
+    ]
 
 
 def _by_hash(members: Sequence[Source]) -> dict[str, str]:

@@ -20,7 +20,9 @@ class Config(StageConfig):
         None, description="TOML that says which joints are which part of the body; --map prints one."
     )
     skeleton: str | None = Field(
-        None, description="Skeleton of files that hold none: an ASF for AMC, a BVH or a list's name for positions."
+        None,
+        description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
+        " name for positions.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
     rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")

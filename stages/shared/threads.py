@@ -8,7 +8,7 @@ import os
 def let_waiting_threads_sleep() -> None:
     """Let OpenMP's threads sleep soon while they wait, unless the environment says otherwise.
 
-    By default they spin, and keep other work from the cores: a solve was twenty times slower beside one other process.
+    By default they spin, and keep other work from the cores: a solve was twenty times slower beside another process.
     With no spinning at all a training step on two quiet cores takes 1.6 times as long; a few microseconds of it give
     most of that back, and cost little beside others (docs/performance.md). OpenMP reads these settings once, when
     torch is loaded.

@@ -28,14 +28,14 @@ def written_format(path: Path) -> str:
 
 
 def bytes_of_motion(
-    chosen: str, skeleton: Skeleton, motion: Motion, name: str, *, licence: str = "", values: str = "all"
+    chosen: str, skeleton: Skeleton, motion: Motion, name: str, *, licence: str = "", values: str = "both"
 ) -> tuple[bytes, list[str]]:
     """A motion as the bytes of a file.
 
     Args:
         chosen: a name of SUFFIXES.
         name: what the clip is called, where the format has a place for it.
-        values: of CSV: "all", or "positions" without the rotations.
+        values: of CSV: "both", "positions" or "rotations".
 
     Returns: the bytes, and notes on what the format does not hold, one sentence each.
     Raises: InputError where the skeleton has no BVH header and a BVH is asked for.
