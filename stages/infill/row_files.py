@@ -60,9 +60,12 @@ class RowFile(Protocol):
         ...
 
 
-def row_file(source: Source, config: Config) -> RowFile:
-    """A source as a file of rows. Raises InputError where it is none, UsageError for options of the other kind."""
-    data, name = source.read(), source.name
+def row_file(source: Source, config: Config, data: bytes | None = None) -> RowFile:
+    """A source, or its bytes where they are at hand, as a file of rows.
+
+    Raises: InputError where it holds none; UsageError for options of the other kind of file.
+    """
+    data, name = source.read() if data is None else data, source.name
     sparse = config.times is not None or config.frames is not None
     chosen = recognise(data, name)
     if source.suffix == ".csv" or (chosen is not None and chosen.name == "robot"):

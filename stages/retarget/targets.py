@@ -10,7 +10,7 @@ import numpy as np
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.retarget.config import Config
-from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, values_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.formats.bvh_write import write_bvh
@@ -43,7 +43,11 @@ def read_target(config: Config) -> Target:
         return _robot(robot_rig(data, source.name), config)
     if config.respect_limits:
         raise UsageError("--respect-limits is for robots, and --to names no URDF.", "Leave it out.")
-    bvh = read_bvh(data, source.name)
+    return target_of_bvh(read_bvh(data, source.name))
+
+
+def target_of_bvh(bvh: BvhFile) -> Target:
+    """The rig of a BVH, written with its header. Raises InputError where it is not a humanoid's."""
     skeleton, poses, notes = motion_of(bvh)
 
     def written(made: Motion) -> tuple[bytes, list[str]]:
