@@ -16,6 +16,7 @@ from stages.infill.row_files import row_file
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
 from stages.shared.contract import StageReport
 from stages.shared.formats.skeleton_map import read_skeleton_map
+from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
@@ -92,10 +93,15 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Model
     known = np.zeros(region.frames, bool)
     known[at] = True
     motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
-    device = models.autoencoder.device
-    options = FillOptions(foot_lock=config.foot_lock)
     return fill_motion(
-        skeleton, motion, known, models, points=config.points, seed=config.seed, device=device, options=options
+        skeleton,
+        motion,
+        known,
+        SynthesisedClouds(models),
+        points=config.points,
+        seed=config.seed,
+        device=models.autoencoder.device,
+        options=FillOptions(foot_lock=config.foot_lock),
     )
 
 

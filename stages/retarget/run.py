@@ -25,7 +25,7 @@ from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, f
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.progress import SILENT, Progress
-from stages.shared.solve.local_pose import pose_of_motion
+from stages.shared.solve.skeleton_pose import pose_of_motion
 
 STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on average, are worth a warning
 
