@@ -1,6 +1,6 @@
 """The clouds of a fill: points on the plain interpolation, and where the same points should be.
 
-A `CloudSource` finds them: `SynthesisedClouds` fills a user's file, `ReconstructedClouds` and `TrueClouds` are given the
+A `CloudSource` finds them: `SynthesisedClouds` fills a file, `ReconstructedClouds` and `TrueClouds` are given the
 true motion and serve measurements, `GivenLatents` decodes stored latents. The models see positions, body groups and
 times; which bone a point was drawn on stays here.
 """
