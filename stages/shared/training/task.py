@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor, nn
 
 from stages.shared.networks.layers.row_generator import RowGenerator, row_generator
 
+Networks = TypeVar("Networks", bound=nn.Module)
 HELD_BACK_SEED = 0  # of the windows to validate on: trainings of other seeds are measured on the same ones
 
 
@@ -28,28 +30,44 @@ class RowRandom(np.random.Generator):
     numbers: tuple[int, ...]
 
 
-class Task(Protocol):
-    """One training: its networks, its batches, its loss and its validation.
-
-    A task that says `splits = True` may be asked for parts of a batch: its `draw` makes `len(rng.rows)` windows, each
-    from its own generator, and its loss is a mean over windows, or over what `weight(batch)` counts (optional).
-    """
-
-    @property
-    def networks(self) -> nn.Module: ...
+class Drawer(Protocol):
+    """Draws the batches of a training. It holds no network; one that works in another process is pickled."""
 
     def draw(self, rng: RowRandom) -> Any:
-        """A batch on the CPU, from `rng` alone; called in another thread, or on a copy without networks in another
-        process."""
+        """A batch of `len(rng.rows)` windows, from `rng` alone."""
+        ...
 
+
+class Task(ABC, Generic[Networks]):
+    """One training: its networks, its batches, its loss and its validation."""
+
+    networks: Networks
+
+    @abstractmethod
+    def drawer(self, *, elsewhere: bool = False) -> Drawer:
+        """What draws the batches: in a thread of this process or, with `elsewhere`, in processes of its own."""
+
+    @abstractmethod
     def loss(self, batch: Any, generator: RowGenerator) -> tuple[Tensor, dict[str, Any]]:
         """The scalar to descend and figures (numbers or scalar tensors) to log; `generator` is for draws inside the
         networks."""
-        ...
 
+    @abstractmethod
     def validate(self) -> dict[str, float]:
         """Figures on held-back windows, always the same; the first is what the best is chosen by (less is better)."""
-        ...
+
+    def splits(self) -> bool:
+        """Whether a batch may be cut into parts: each window is then drawn from its own generator, and the loss is a
+        mean over windows, or over what `weight` counts."""
+        return False
+
+    def weight(self, batch: Any, rows: int) -> float:
+        """How much a part of `rows` windows counts in the whole batch's loss."""
+        return float(rows)
+
+    def draw(self, rng: RowRandom) -> Any:
+        """A batch drawn in this process."""
+        return self.drawer().draw(rng)
 
 
 def step_seed(seed: int, purpose: int, step: int) -> np.random.Generator:
