@@ -1,6 +1,6 @@
 """Twelve clips on six rigs, filled: truth, slerp and pumps side by side on one page, and some of them as a picture.
 
-    python benchmarks/gallery.py ../shared/data runs/gallery [--weights NAME] [--picture docs/gallery.svg]
+    python benchmarks/gallery.py [../shared/data [runs/gallery]] [--weights NAME] [--picture docs/gallery.svg]
 
 The clips are test clips of public archives and embedded ones, four seconds from the middle of each at 30 frames a
 second. They are written as BVH, filled as `pumps infill` fills any file, and played by `pumps report`. The sixth rig
@@ -93,15 +93,19 @@ CLIPS = (
 def main() -> None:
     """Read the arguments, make the gallery, and say what was made."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("archives", type=Path, help="folder of the archives")
-    parser.add_argument("folder", type=Path, help="where the motions and gallery.html go")
+    parser.add_argument(
+        "archives", type=Path, nargs="?", default=Path("../shared/data"), help="folder of the archives"
+    )
+    parser.add_argument(
+        "folder", type=Path, nargs="?", default=Path("runs/gallery"), help="where the motions and gallery.html go"
+    )
     parser.add_argument("--weights", default=default_weights())
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     try:
         print("\n".join(gallery(CLIPS, options.archives, options.folder, options.weights, options.picture)))
     except PumpsError as error:
-        sys.exit(f"{error}")
+        sys.exit(f"{error} {error.hint or ''}".strip())
 
 
 def gallery(
@@ -114,7 +118,10 @@ def gallery(
     wanted = sorted({each.place.partition("!")[0] for each in clips if "!" in each.place})
     absent = [name for name in wanted if not (archives / name).is_file()]
     if absent:
-        raise InputError(f"The gallery needs {', '.join(absent)} in {archives}: name the folder with SHARED_DATA=.")
+        raise InputError(
+            f"The gallery needs {', '.join(absent)} in {archives}: name another folder with SHARED_DATA=FOLDER;"
+            " `pumps data list` says where the archives come from."
+        )
     motions, keys, names, lines = [], [], [], []
     for number, shown in enumerate(clips):
         began = time.perf_counter()

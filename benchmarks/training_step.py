@@ -38,7 +38,6 @@ from measuring.steps import Load, autoencoder_step, encoder_forward, synthesiser
 
 from stages.registry import stage_named
 from stages.shared.networks.layers.device import choose_device
-from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes
 from stages.shared.settings.layers import Layer, settle
 from stages.shared.settings.presets import preset_layers
 
@@ -85,15 +84,16 @@ def cases_of(preset: str, settings: Any, compiled: bool) -> list[Case]:
 
 def build(case: Case, load: Load, ae: Any, lms: Any) -> Callable[[], object]:
     """The step of a case."""
-    encoder = EncoderSizes(**{**ae.encoder.model_dump(), "neighbours": case.neighbours})
+    encoder = ae.encoder.model_copy(update={"neighbours": case.neighbours})
     if case.kind == "encoder":
         return encoder_forward(load, encoder, mixed=case.mixed)
+    mixed = {"mixed_precision": case.mixed}
     if case.kind == "lms":
-        return synthesiser_step(load, encoder, lms.synthesiser, mixed=case.mixed, checkpointing=case.checkpointing)
-    decoder = DecoderSizes(**{**ae.decoder.model_dump(), "layers": case.layers, "head": case.head})
-    return autoencoder_step(
-        load, encoder, decoder, mixed=case.mixed, checkpointing=case.checkpointing, compiled=case.compiled
-    )
+        frozen = ae.model_copy(update={"encoder": encoder})
+        return synthesiser_step(load, frozen, lms.model_copy(update=mixed), checkpointing=case.checkpointing)
+    decoder = ae.decoder.model_copy(update={"layers": case.layers, "head": case.head})
+    config = ae.model_copy(update={"encoder": encoder, "decoder": decoder, **mixed})
+    return autoencoder_step(load, config, checkpointing=case.checkpointing, compiled=case.compiled)
 
 
 def settings_of(preset: str) -> tuple[Any, Any]:

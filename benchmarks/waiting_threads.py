@@ -41,9 +41,9 @@ def least_step_s() -> float:
     from measuring.steps import Load, autoencoder_step
     from training_step import settings_of
 
-    encoder, decoder = settings_of("paper")[0].encoder, settings_of("paper")[0].decoder
-    decoder = decoder.model_copy(update={"layers": 4})
-    step = autoencoder_step(Load(2, 128, 256, torch.device("cpu")), encoder, decoder, mixed=True)
+    config = settings_of("paper")[0]
+    config = config.model_copy(update={"decoder": config.decoder.model_copy(update={"layers": 4})})
+    step = autoencoder_step(Load(2, 128, 256, torch.device("cpu")), config)
     seconds = []
     for _ in range(STEPS + 1):
         start = time.perf_counter()

@@ -1,21 +1,29 @@
-"""The steps that are timed: one call is one training step (or one forward pass) on random clouds, all of it."""
+"""The steps that are timed: one step of a training, with its own loss, on random clouds; or one forward pass."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from stages.shared.inference import models
 from stages.shared.kinematics.conventions import GROUPS
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.layers.layer_stack import set_checkpointing
-from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
-from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
+from stages.shared.networks.layers.sizes import EncoderSizes
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
-from stages.shared.pointcloud.assignment import paired_difference
+from stages.shared.training.config import TrainingConfig
+from stages.shared.training.optimiser import Optimiser
+from stages.train.ae.config import Config as AutoencoderConfig
+from stages.train.ae.task import Autoencoder, AutoencoderTask, CloudBatch
+from stages.train.lms.config import Config as SynthesiserConfig
+from stages.train.lms.encoding import WindowEncoder
+from stages.train.lms.fill_batch import FillBatch
+from stages.train.lms.task import SynthesiserTask
 
 
 @dataclass(frozen=True)
@@ -52,71 +60,69 @@ def encoder_forward(load: Load, sizes: EncoderSizes, *, mixed: bool) -> Callable
 
 
 def autoencoder_step(
-    load: Load,
-    sizes: EncoderSizes,
-    decoder_sizes: DecoderSizes,
-    *,
-    mixed: bool,
-    checkpointing: bool = False,
-    compiled: bool = False,
+    load: Load, config: AutoencoderConfig, *, checkpointing: bool = False, compiled: bool = False
 ) -> Callable[[], object]:
-    """Encode, decode, assign, loss, backward, clip, AdamW: as `pumps train ae` does it."""
-    torch.manual_seed(0)
-    encoder = FrameEncoder(sizes).to(load.device)
-    decoder = CloudDecoder(encoder.latent_width, decoder_sizes).to(load.device)
-    descend = _descent(nn.ModuleList([encoder, decoder]), checkpointing)
+    """Encode, decode, the loss of `pumps train ae`, backward, clip, step of its optimiser."""
+    task = _AutoencoderOnRandomClouds(config, load.device)
+    if compiled:
+        networks = task.networks
+        networks.encoder.compile()
+        networks.decoder.frame_features = torch.compile(networks.decoder.frame_features)
+        networks.decoder.place_points = torch.compile(networks.decoder.place_points)
     points, groups = random_clouds(load)
-    times = torch.arange(float(load.frames), device=load.device).unsqueeze(0)
-    encode = torch.compile(encoder) if compiled else encoder
-    decode = torch.compile(decoder) if compiled else decoder
-
-    def run() -> None:
-        with precision(load.device, mixed):
-            latents, centroids = encode(points.flatten(0, 1), groups.repeat_interleave(load.frames, 0))
-            latents, centroids = (part.unflatten(0, (load.sequences, -1)) for part in (latents, centroids))
-            noise = decoder.draw_noise(load.sequences, load.points)
-            made = decode(latents, centroids, times, groups, noise)
-        descend(paired_difference(made, points, groups).square().sum(-1).mean())
-
-    return run
+    batch = CloudBatch(points, groups, torch.ones(points.shape[:2], dtype=torch.bool, device=load.device))
+    return _step_of(task, batch, config, checkpointing)
 
 
 def synthesiser_step(
-    load: Load, sizes: EncoderSizes, filler: SynthesiserSizes, *, mixed: bool, checkpointing: bool = False
+    load: Load, ae: AutoencoderConfig, config: SynthesiserConfig, *, checkpointing: bool = False
 ) -> Callable[[], object]:
-    """Encode truth and base with the frozen encoder, fill, loss on latents and centroids, backward, clip, AdamW."""
-    torch.manual_seed(0)
-    encoder = FrameEncoder(sizes).to(load.device).eval().requires_grad_(False)
-    network = LatentSynthesiser(encoder.latent_width, filler).to(load.device)
-    descend = _descent(network, checkpointing)
+    """Encode truth and base with the frozen encoder, fill, decode, the loss of `pumps train lms`, backward, clip, a
+    step of its optimiser; keys every 15 frames, windows that serve in one step."""
+    config = config.model_copy(update={"reuse": 1})
+    task = _SynthesiserOnRandomClouds(config, ae, load)
     points, groups = random_clouds(load)
-    known = (torch.arange(load.frames, device=load.device) % 15 == 0).expand(load.sequences, -1)
-    times = torch.arange(float(load.frames), device=load.device).unsqueeze(0)
-    truth, base = points.flatten(0, 1), 0.9 * points.flatten(0, 1)
-    each = groups.repeat_interleave(load.frames, 0)
+    valid = torch.ones(points.shape[:2], dtype=torch.bool)
+    known = (torch.arange(load.frames) % 15 == 0).expand(load.sequences, -1)
+    return _step_of(task, FillBatch(points, 0.9 * points, groups, known, valid), config, checkpointing)
+
+
+class _AutoencoderOnRandomClouds(AutoencoderTask):
+    """The training's task without windows to draw."""
+
+    def __init__(self, config: AutoencoderConfig, device: torch.device):
+        self.config, self.device = config, device
+        torch.manual_seed(0)
+        self.networks = Autoencoder(config).to(device)
+
+
+class _SynthesiserOnRandomClouds(SynthesiserTask):
+    """The training's task without windows to draw, on an autoencoder that has learnt nothing."""
+
+    def __init__(self, config: SynthesiserConfig, ae: AutoencoderConfig, load: Load):
+        self.config, self.device = config, load.device
+        torch.manual_seed(0)
+        fresh = Autoencoder(ae)
+        frozen = models.Autoencoder(fresh.encoder, fresh.decoder, ae.window, ae.points, (), "", load.device)
+        self.frozen = WindowEncoder(config, frozen, load.device)
+        self.networks = LatentSynthesiser(fresh.encoder.latent_width, config.synthesiser).to(load.device)
+
+
+def _step_of(
+    task: AutoencoderTask | SynthesiserTask, batch: Any, config: TrainingConfig, checkpointing: bool
+) -> Callable[[], object]:
+    """One training step on a batch: loss, backward, clip, optimiser."""
+    set_checkpointing(task.networks, checkpointing)
+    task.networks.train()
+    optimiser = Optimiser(task.networks, config)
+    parameters = list(task.networks.parameters())
+    generator = torch.Generator(device=task.device).manual_seed(0)
 
     def run() -> None:
-        with precision(load.device, mixed):
-            with torch.no_grad():
-                latents, centroids = (part.unflatten(0, (load.sequences, -1)) for part in encoder(truth, each))
-                plain = tuple(part.unflatten(0, (load.sequences, -1)) for part in encoder(base, each))
-            made, placed = network(latents, centroids, known, times, None, plain)
-        descend((made - latents).square().mean() + (placed - centroids).square().mean())
+        optimiser.zero_grad()
+        loss, _ = task.loss(batch, generator)
+        loss.backward()
+        nn.utils.clip_grad_norm_(parameters, config.clip_norm)
+        optimiser.step(config.learning_rate)
 
     return run
-
-
-def _descent(networks: nn.Module, checkpointing: bool) -> Callable[[Tensor], None]:
-    """The rest of a step: backward, clip, AdamW."""
-    set_checkpointing(networks, checkpointing)
-    networks.train()
-    parameters = list(networks.parameters())
-    optimiser = torch.optim.AdamW(parameters, lr=1e-4, fused=parameters[0].device.type == "cpu" or None)
-
-    def descend(loss: Tensor) -> None:
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        nn.utils.clip_grad_norm_(parameters, 1.0)
-        optimiser.step()
-
-    return descend

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from fnmatch import fnmatch
 
+from stages.shared.catalogue.catalogue import data_sets_by_archive
+
 UNKNOWN = "unknown"
 _CMU = (
     "CMU Graphics Lab Motion Capture Database: free for research and commercial products, not to be resold as data,"
@@ -27,4 +29,5 @@ def licence_of(data_set: str, given: str | None) -> str:
     for pattern, licence in _KNOWN:
         if fnmatch(data_set.lower(), pattern):
             return licence
-    return UNKNOWN
+    known = data_sets_by_archive().get(data_set)
+    return known[1].licence if known else UNKNOWN

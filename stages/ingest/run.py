@@ -16,6 +16,7 @@ from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.ingest.config import Config
 from stages.ingest.doubts import doubts_of
+from stages.ingest.known_facts import known_rate, known_rig, rate_notes
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
 from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
@@ -45,8 +46,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     sources = config.share_of(sources)  # splits are of the whole, so that every part agrees on them
     if not sources:
         raise UsageError(f"--shard {config.shard} has no recording: there are fewer than parts.")
+    rates = {source.name: _override_of(source, overrides) for source in sources}
+    known = {source.name: known_rate(source) for source in sources if rates[source.name] is None}
     jobs = [
-        Job(source, config.format, replace(asked, fps_override=_override_of(source, overrides))) for source in sources
+        Job(source, config.format, _asked_of(source, asked, rates[source.name] or known.get(source.name)))
+        for source in sources
     ]
     clips = _ClipNames()
     rows: list[ClipRow] = []
@@ -70,7 +74,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             raise InputError(f"None of the {len(table)} recordings could be used. The first: {bad}")
         write_sources(draft.folder, table)
         draft.licences |= {row.licence for row in rows}
-        notes = [*assigned.notes, *unused_maps(asked.skeleton_maps, rigs)]
+        notes = [*assigned.notes, *rate_notes(sources, known), *unused_maps(asked.skeleton_maps, rigs)]
         draft.summary |= _summary(table, rows, notes)
     return _report(config, table, rows, notes)
 
@@ -86,6 +90,14 @@ def _asked(config: Config) -> Asked:
         None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
         read_skeleton_maps(config.skeleton_map),
     )  # fmt: skip
+
+
+def _asked_of(source: Source, asked: Asked, fps: float | None) -> Asked:
+    """What holds for one source: its true rate, and the catalogue's rig where none was given."""
+    if asked.rig or asked.rig_name:
+        return replace(asked, fps_override=fps)
+    rig, rig_name = known_rig(source)
+    return replace(asked, fps_override=fps, rig=rig, rig_name=rig_name)
 
 
 def _store(

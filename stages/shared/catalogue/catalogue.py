@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -67,6 +68,9 @@ class DataSet(_Strict):
 
     by_hand: what a person must do where a program may not (an account, moving hosts); then there are no files.
     ingest:  the command to run on the file, with {file} in its place.
+    archives: names of archives that hold its recordings, besides the files that are downloaded.
+    rig:      the rig of recordings that hold none: "archive.zip!member", an archive beside theirs.
+    true_fps: pattern of member names -> true frames a second, where the recordings state a wrong rate.
     """
 
     title: str
@@ -78,12 +82,20 @@ class DataSet(_Strict):
     ingest: str
     files: tuple[DataFile, ...] = ()
     by_hand: str = ""
+    archives: tuple[str, ...] = ()
+    rig: str = ""
+    true_fps: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _reachable(self) -> DataSet:
         if bool(self.files) == bool(self.by_hand):
             raise ValueError("needs either files, or by_hand with what a person must do")
         return self
+
+    @property
+    def archive_names(self) -> tuple[str, ...]:
+        """File names of the archives that hold its recordings."""
+        return (*self.archives, *(each.name for each in self.files))
 
     @property
     def bytes(self) -> int:
@@ -120,6 +132,12 @@ def read_catalogue(path: Path | None = None) -> dict[str, DataSet]:
     if faults:
         raise InputError(f"{where} is no catalogue: {'; '.join(faults)}.")
     return found
+
+
+@cache
+def data_sets_by_archive() -> dict[str, tuple[str, DataSet]]:
+    """File name of an archive -> name and entry of the data set that it holds, from the catalogue of pumps."""
+    return {archive: (name, each) for name, each in read_catalogue().items() for archive in each.archive_names}
 
 
 def data_set_named(catalogue: dict[str, DataSet], name: str) -> DataSet:

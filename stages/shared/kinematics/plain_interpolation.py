@@ -18,7 +18,7 @@ from stages.shared.kinematics.device import onto
 
 
 class Damping(NamedTuple):
-    """Seconds of the gap that keeps half of the cubic, of rotations and of places; by benchmarks/damping.py."""
+    """Seconds of the gap that keeps half of the cubic, of rotations and of places (docs/log.md, 2026-11-28)."""
 
     turns_s: float = 1.3
     places_s: float = 2.0
@@ -68,7 +68,7 @@ def damped_smoothness(key_times: Tensor, rate_hz: float, damping: Damping = DAMP
     On validation clips the cubic's L2P is 0.66 of slerp's at gaps of 5 frames (30 a second) and about slerp's at gaps
     of 30 between single keys; in transitions, whose keys' velocities are exact, 0.57 at 15, 0.87 at 30 and 1.1 at 60,
     where the damped one is 0.58, 0.81 and 0.86. Places would like 5 s on the average, but on Bandai Namco 1, whose
-    people stop, that is a sixth worse than slerp in transitions of 60, and 2 s a twentieth (`benchmarks/damping.py`).
+    people stop, that is a sixth worse than slerp in transitions of 60, and 2 s a twentieth (docs/log.md, 2026-11-28).
 
     Args:
         key_times: (K,) rising. rate_hz: how many of their units are a second.

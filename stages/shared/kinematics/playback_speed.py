@@ -2,8 +2,8 @@
 
 Bodies of one size under one gravity move at like speeds, and a clip that is played at another speed is out of line in
 several ways at once: speeds, the ratio of acceleration to speed, how hard the pelvis is thrown down. Six such
-figures, all logarithms and without unit, go into a quadratic regression of log2 of the playback speed, fitted by
-`benchmarks/playback_speed.py` on recordings played at half, their own and twice their speed; its table says how often
+figures, all logarithms and without unit, go into a quadratic regression of log2 of the playback speed, fitted on
+recordings played at half, their own and twice their speed (docs/log.md, 2026-11-28); docs/formats.md says how often
 it is right. It is a hint and no proof: slow styles exist, and so do fast ones.
 """
 
@@ -22,7 +22,7 @@ LEAST_S = 1.0
 LONGEST_S = 40.0  # more of a clip tells nothing new
 SUSPECT = 0.6  # |log2 of the speed| from which a frame rate is suspected
 
-# The regression's weights: of the figures, of their squares, and the constant. Made by benchmarks/playback_speed.py.
+# The regression's weights: of the figures, of their squares, and the constant. Fitting: docs/log.md, 2026-11-28.
 WEIGHTS = np.array(
     [
         *(-0.54851, 0.62742, 1.6391, 0.15832, 0.18281, -0.20778),

@@ -13,7 +13,7 @@ from stages.shared.training.config import TrainingConfig
 class NewSizes(SynthesiserSizes):
     """Sizes of new trainings: beyond the keys their base moves on. Weights trained before hold it."""
 
-    # By benchmarks/beyond_keys.py on validation clips: a place keeps its speed for about a second, a turn does not.
+    # On validation clips (docs/log.md, 2026-11-28): a place keeps its speed for about a second, a turn does not.
     glide_root_s: float = Field(
         default=0.8, ge=0, description="Seconds in which the base's speed decays beyond the keys; 0 holds the pose."
     )
