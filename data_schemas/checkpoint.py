@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,10 @@ from safetensors.numpy import load_file, save_file
 
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
+from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact, read_newest
+from data_schemas.migrations import migrated_folder
+from data_schemas.trainings import Training, plain_trainings
 
 KIND = "checkpoint"
 WEIGHTS_NAME = "model.safetensors"
@@ -31,6 +35,7 @@ OPTIMISER_NAME = "optimiser.safetensors"
 CONFIG_NAME = "config.json"
 LOG_NAME = "log.parquet"
 CARD_NAME = "MODEL_CARD.md"
+TRAININGS = "trainings"  # key of `config.json`
 SHARD_BYTES = 15 * 2**20
 _MOST_SHARDS = 10_000
 _HEADER_BYTES = 256  # of one array in a safetensors file, at most
@@ -45,6 +50,7 @@ class Checkpoint:
     optimiser: name -> array of the optimiser's state, or None where it was left out.
     log:       one mapping a logged step.
     card:      Markdown for people: what it is, trained on what, under which licences.
+    trainings: the trainings that the weights went through, the first one first; kept in `config.json`.
     """
 
     weights: dict[str, np.ndarray]
@@ -52,6 +58,7 @@ class Checkpoint:
     optimiser: dict[str, np.ndarray] | None
     log: list[dict[str, Any]]
     card: str
+    trainings: tuple[Training, ...] = ()
 
 
 def write_checkpoint(
@@ -62,6 +69,7 @@ def write_checkpoint(
     optimiser: Mapping[str, np.ndarray] | None,
     log: Sequence[Mapping[str, Any]],
     card: str,
+    trainings: Sequence[Training] = (),
 ) -> None:
     """Write a checkpoint's files into an existing folder (`Draft.folder`, or one of resumable work).
 
@@ -71,7 +79,8 @@ def write_checkpoint(
     _save(weights, folder / WEIGHTS_NAME)
     if optimiser is not None:
         _save(optimiser, folder / OPTIMISER_NAME)
-    (folder / CONFIG_NAME).write_text(json.dumps(config, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    content = {**config, TRAININGS: plain_trainings(trainings)}
+    (folder / CONFIG_NAME).write_text(json.dumps(content, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     (folder / LOG_NAME).write_bytes(log_bytes(log))
     (folder / CARD_NAME).write_text(card, encoding="utf-8")
 
@@ -95,7 +104,14 @@ def read_checkpoint(artefact: Artefact | str | os.PathLike[str], *, optimiser: b
     Raises:
         InputError: missing, of another kind, newer than this pumps, or damaged.
     """
-    return read_newest(artefact, KIND, lambda found: read_checkpoint_folder(found.folder, optimiser=optimiser))
+    return read_newest(artefact, KIND, lambda found: _read(found, optimiser))
+
+
+def _read(found: Artefact, optimiser: bool) -> Checkpoint:
+    if found.manifest.schema_version == KINDS[KIND].schema_version:
+        return read_checkpoint_folder(found.folder, optimiser=optimiser)
+    with tempfile.TemporaryDirectory(prefix="pumps-migrated-") as scratch:
+        return read_checkpoint_folder(migrated_folder(found, Path(scratch)), optimiser=optimiser)
 
 
 def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = True) -> Checkpoint:
@@ -105,6 +121,7 @@ def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = 
         config = json.loads((folder / CONFIG_NAME).read_text(encoding="utf-8"))
         if not isinstance(config, dict):
             raise ValueError("it is no mapping")
+        trainings = tuple(Training.model_validate(each) for each in config.pop(TRAININGS, []))
     with reading(folder / LOG_NAME):
         log = [
             {name: value for name, value in entry.items() if value is not None}
@@ -118,6 +135,7 @@ def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = 
         optimiser=_load(folder / OPTIMISER_NAME) if optimiser and _is_there(folder / OPTIMISER_NAME) else None,
         log=log,
         card=card,
+        trainings=trainings,
     )
 
 

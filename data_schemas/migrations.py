@@ -6,12 +6,15 @@ layout out of the old one. An artefact on the disk is never changed: readers mig
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -44,7 +47,7 @@ def migrated_folder(artefact: Artefact, scratch: Path) -> Path:
         target.mkdir()
         try:
             step(folder, target)
-        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
             raise InputError(
                 f"{artefact.path} is damaged: its data of version {version - 1} cannot be read ({error}).",
                 "Run the stage that made it again.",
@@ -98,6 +101,66 @@ def _metrics_1_to_2(source: Path, target: Path) -> None:
     pq.write_table(pa.Table.from_pylist(rows, schema=table.schema), target / "metrics.parquet")
 
 
+def _checkpoint_1_to_2(source: Path, target: Path) -> None:
+    """Version 2 lists the data of every training as fields (`data_schemas.trainings`); before, each training and the
+    whole had a sentence about them, `trained_on`. Weights that told of no training had one, the one of their log."""
+    for path in source.iterdir():
+        if path.name != "config.json":
+            carry_over(source, target, path.name)
+    config = json.loads((source / "config.json").read_text(encoding="utf-8"))
+    last = str(config.pop("trained_on", ""))
+    trainings = config.get("trainings") or ([_training_of_log(source)] if last else [])
+    sentences = [str(each.pop("trained_on", last)) for each in trainings]
+    config["trainings"] = [
+        {**each, "data": _data_of_sentence_1(sentence)} for each, sentence in zip(trainings, sentences, strict=True)
+    ]
+    (target / "config.json").write_text(json.dumps(config), encoding="utf-8")
+
+
+def _training_of_log(folder: Path) -> dict[str, Any]:
+    """Steps and minutes of a training, from the last row of its log."""
+    rows = pq.ParquetFile(folder / "log.parquet").read().to_pylist()
+    last = rows[-1] if rows else {}
+    return {"steps": last.get("step") or 0, "minutes": round((last.get("seconds") or 0) / 60, 1)}
+
+
+_SENTENCE_1 = re.compile(r"(\d+) clips, (\d+\.\d+) hours, (\d+) skeletons, from (.*?)(?=; \d+ clips, |\Z)", re.DOTALL)
+_ARCHIVE_ENDS_1 = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tbz", ".tar.xz", ".txz")
+_LOOSE_1 = "loose files"
+
+
+def _data_of_sentence_1(sentence: str) -> dict[str, Any] | None:
+    """The fields of version 2 from the sentence of version 1, or from several that `train skeleton` joined by "; ".
+
+    This is the one place that reads the sentence, for checkpoints of version 1 alone. None where it is no such one.
+    """
+    found = [match.groups() for match in _SENTENCE_1.finditer(sentence)]
+    if not found:
+        return None
+    names = sorted({name for *_, listed in found for name in _names_of_list_1(listed)})
+    return {
+        "clips": sum(int(clips) for clips, *_ in found),
+        "seconds": round(3600 * sum(float(hours) for _, hours, *_ in found), 3),
+        "skeletons": sum(int(skeletons) for _, _, skeletons, _ in found),
+        "archives": [
+            {"name": "" if name == _LOOSE_1 else name, "loose": name == _LOOSE_1}  # the folder was not told
+            for name in names
+        ],
+    }
+
+
+def _names_of_list_1(listed: str) -> list[str]:
+    """Names that were joined by ", ": each ends as an archive does, so that a comma within a name is known as one."""
+    names: list[str] = []
+    started = ""
+    for part in listed.split(", "):
+        started = f"{started}, {part}" if started else part
+        if started == _LOOSE_1 or part.lower().endswith(_ARCHIVE_ENDS_1):
+            names.append(started.replace("\\", "/").rsplit("/", 1)[-1])
+            started = ""
+    return [*names, started] if started else names
+
+
 MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("motion", 0): _motion_0_to_1,
     ("motion", 1): _clips_1_to_2,
@@ -105,4 +168,5 @@ MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("tpc", 2): _tpc_2_to_3,
     ("latent", 1): _clips_1_to_2,
     ("metrics", 1): _metrics_1_to_2,
+    ("checkpoint", 1): _checkpoint_1_to_2,
 }

@@ -12,6 +12,7 @@ from data_schemas.clip_filter import clips_where
 from data_schemas.errors import InputError
 from data_schemas.motion import ClipRow, MotionReader
 from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.trainings import TrainingData
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample, resampled_frames
@@ -39,20 +40,11 @@ class WindowBatch:
         return Poses.of(self.skeleton, list(self.motions))
 
 
-def was_trained_on(row: ClipRow, trained_on: Sequence[str]) -> bool:
-    """Whether one of the lines that checkpoints keep of their data names the clip's archive. One that names loose
-    files may mean any folder, so all clips of folders count as seen."""
-    sources = {name.strip() for line in trained_on for name in line.rpartition(" from ")[2].split(",")}
-    if "!" not in row.source:
-        return "loose files" in sources
-    return archive_of(row) in {name.removesuffix(".zip") for name in sources}
-
-
 class MeasuredClips:
     """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured.
 
     An archive of which no clip was trained on is measured on all its clips, where the test split is wanted.
-    `trained_on`, lines that name archives: all clips of the others are measured, whatever their split.
+    Given `trained_on`, the data of trainings, all clips of other archives are measured, whatever their split.
     """
 
     def __init__(
@@ -60,7 +52,7 @@ class MeasuredClips:
         reader: MotionReader,
         splits: Sequence[str],
         where: str | None = None,
-        trained_on: Sequence[str] | None = None,
+        trained_on: Sequence[TrainingData] | None = None,
     ):
         self._reader = reader
         self._cache: dict[str, Motion] = {}
@@ -69,7 +61,7 @@ class MeasuredClips:
         chosen = clips_where(reader.clips, where)
         rows = [row for row in chosen if row.split in splits or archive_of(row) in held_out]
         if trained_on is not None:
-            rows = [row for row in chosen if not was_trained_on(row, trained_on)]
+            rows = [row for row in chosen if not any(data.has_seen(row) for data in trained_on)]
             if not rows:
                 raise InputError(
                     f"The weights were trained on clips of every archive in {reader.artefact.path}.",

@@ -15,6 +15,7 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
+from data_schemas.trainings import TrainingData
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
 from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClouds, SynthesisedClouds, TrueClouds
@@ -25,7 +26,6 @@ from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, 
 from stages.shared.statistics.tasks import PREDICTION
 from stages.shared.statistics.windows import Task, Window
 from stages.shared.weights.shipped import weights_folder
-from stages.shared.weights.trainings import data_of
 
 TRUE_CLOUD = "solve-true-cloud"
 RECONSTRUCTED = "-reconstructed"
@@ -65,17 +65,20 @@ class LoadedWeights:
         folder = weights_folder(self.source)
         return [folder / part for part in PARTS if (folder / part / MANIFEST_NAME).is_file()]
 
-    def trained_on(self) -> list[str]:
-        """What its networks, and the weights that they started from, say that they were trained on. Raises InputError
-        where one says nothing."""
-        told = [data_of(read_checkpoint(path, optimiser=False)) for path in self.artefacts()]
-        lines = [line for lines in told for line in lines]
-        if not all(told) or not all(" from " in line for line in lines):
-            raise InputError(
-                f"The weights {self.name} do not say what they were trained on.",
-                "Leave --unseen away, and choose the clips with --where.",
-            )
-        return lines
+    def trained_on(self) -> list[TrainingData]:
+        """The data of all trainings that its networks, and the weights that they started from, went through. Raises
+        InputError where a checkpoint does not list them."""
+        found: list[TrainingData] = []
+        for path in self.artefacts():
+            data = [each.data for each in read_checkpoint(path, optimiser=False).trainings]
+            known = [each for each in data if each is not None]
+            if not known or len(known) < len(data):
+                raise InputError(
+                    f"The weights {self.name} do not say what they were trained on.",
+                    "Leave --unseen away, and choose the clips with --where.",
+                )
+            found += known
+        return found
 
 
 def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list[Method]:

@@ -80,7 +80,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     motion = open_artefact(config.motion, "motion")
     with MotionReader(motion) as reader:
         loaded = load_all(config)
-        trained_on = [line for weights in loaded for line in weights.trained_on()] if config.unseen else None
+        trained_on = [data for weights in loaded for data in weights.trained_on()] if config.unseen else None
         clips = MeasuredClips(reader, config.splits, config.where, trained_on)
         plan = _plan(clips, config)
         statistics = _Statistics(clips)

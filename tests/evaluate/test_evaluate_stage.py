@@ -15,6 +15,7 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.metrics import read_metrics
 from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.trainings import TrainedArchive, TrainingData
 from stages.evaluate import methods
 from stages.evaluate.config import Config
 from stages.evaluate.methods import window_seed, without_answers
@@ -151,9 +152,10 @@ def test_weights_are_methods_and_inputs(motions: Path, tmp_path: Path) -> None:
 
 
 def test_archives_that_weights_were_trained_on_are_left_out(motions: Path, tmp_path: Path) -> None:
-    line = "3 clips, 0.10 hours, 1 skeletons, from {}"
-    for name, source in (("zip", "set-1.zip"), ("loose", "loose files"), ("both", "loose files, set-1.zip")):
-        write_random_weights(tmp_path / name, trained_on=line.format(source))
+    archive, folder = TrainedArchive(name="set-1.zip"), TrainedArchive(name="renamed since", loose=True)
+    for name, archives in (("zip", [archive]), ("loose", [folder]), ("both", [archive, folder])):
+        data = TrainingData(clips=3, seconds=360.0, skeletons=1, archives=archives)
+        write_random_weights(tmp_path / name, trained_on=data)
     write_random_weights(tmp_path / "silent")
     only = {"tasks": ("interpolation",), "intervals": (30,), "points": 32, "unseen": True}
 

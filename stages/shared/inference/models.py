@@ -13,6 +13,7 @@ from torch import Tensor
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
+from data_schemas.trainings import last_sentence
 from stages.shared.inference.confidence import Confidence, read_confidence
 from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.networks.layers.device import choose_device
@@ -269,7 +270,7 @@ def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: 
         int(kept.config["window"]),
         int(kept.config["longest_gap"]),
         tuple(artefact.manifest.licences),
-        str(kept.config.get("trained_on", "")),
+        last_sentence(kept.trainings),
         str(name_or_path),
         read_confidence(folder) if confidence else None,
     )

@@ -12,6 +12,7 @@ from torch import Tensor
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, open_artefact
+from data_schemas.trainings import last_sentence
 from stages.shared.inference.models import load_state
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.window_interpolation import interpolate_windows
@@ -78,6 +79,6 @@ def load_interpolator(path: str | Path, device: str = "auto") -> Interpolator:
         network.to(chosen).eval(),
         artefact,
         dict(artefact.manifest.config),
-        str(kept.config.get("trained_on", "")),
+        last_sentence(kept.trainings),
         chosen,
     )

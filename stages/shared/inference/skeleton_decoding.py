@@ -14,6 +14,7 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.skeleton import Motion
+from data_schemas.trainings import last_sentence
 from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
 from stages.shared.networks.layers.device import choose_device
@@ -154,7 +155,7 @@ def load_rig_network(path: str | Path, device: str = "auto") -> RigNetwork:
         int(kept.config["window"]),
         int(kept.config["points"]),
         tuple(artefact.manifest.licences),
-        str(kept.config.get("trained_on", "")),
+        last_sentence(kept.trainings),
         artefact.manifest.digest,
         chosen,
     )

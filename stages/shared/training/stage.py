@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,13 @@ from data_schemas.checkpoint import read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.tpc import TpcReader
+from data_schemas.trainings import Training, TrainingData, last_sentence, training_data
 from stages.shared.contract import StageReport
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.loop import Trained
 from stages.shared.training.ranks import started_ranks
 from stages.shared.training.unfinished import Unfinished
 from stages.shared.training.windows import WindowPool
-from stages.shared.weights.trainings import trainings_of
 
 _CPU = torch.device("cpu")
 
@@ -41,12 +40,9 @@ def window_pools(
         return training, training
 
 
-def summary_of(pool: WindowPool, reader: TpcReader) -> str:
-    """One line on what a network was trained on."""
-    rows = [row for row in reader.clips if row.split == "train"]
-    seconds = sum(row.seconds for row in rows)
-    sources = sorted({Path(row.source.split("!")[0]).name if "!" in row.source else "loose files" for row in rows})
-    return f"{len(rows)} clips, {seconds / 3600:.2f} hours, {len(pool.parents)} skeletons, from {', '.join(sources)}"
+def data_of(*readers: TpcReader) -> TrainingData:
+    """The facts of the clips that are trained on: those of the split `train` in all artefacts."""
+    return training_data([row for reader in readers for row in reader.clips if row.split == "train"])
 
 
 def finish(
@@ -55,7 +51,7 @@ def finish(
     *,
     stage: str,
     network: Mapping[str, Any],
-    trained_on: str,
+    data: TrainingData,
     inputs: Sequence[Artefact],
 ) -> StageReport:
     """Write the checkpoint artefact of a finished run and forget the unfinished one; tell of one that is not.
@@ -73,33 +69,26 @@ def finish(
             ],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
         )
-    trainings: list[dict[str, Any]] = [
-        {"steps": trained.step, "minutes": round(trained.seconds / 60, 1), "trained_on": trained_on}
-    ]
+    trainings = [Training(steps=trained.step, minutes=round(trained.seconds / 60, 1), data=data)]
     if config.initial is not None:
         initial = open_artefact(config.initial, "checkpoint")
-        inputs, trainings = [*inputs, initial], [*trainings_of(read_checkpoint(initial, optimiser=False)), *trainings]
+        inputs, trainings = [*inputs, initial], [*read_checkpoint(initial, optimiser=False).trainings, *trainings]
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
     measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
-    card = _card(stage, config, trainings, trained.best_step, trained_on, licences, count, measured)
+    card = _card(stage, config, trainings, trained.best_step, licences, count, measured)
     with write_artefact(
         config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
     ) as draft:
         write_checkpoint(
             draft.folder,
             weights=weights,
-            config={
-                **network,
-                "window": config.window,
-                "points": config.points,
-                "trained_on": trained_on,
-                "trainings": trainings,
-            },
+            config={**network, "window": config.window, "points": config.points},
             optimiser=trained.optimiser,
             log=trained.log,
             card=card,
+            trainings=trainings,
         )
     Unfinished(config).forget()
     figures = {"step": trained.step, "finished": True, "seconds": trained.seconds, "parameters": count}
@@ -108,43 +97,42 @@ def finish(
         output=config.output,
         lines=[
             f"{stage}: {count / 1e6:.2f} M parameters, {trained.step} steps in {trained.seconds / 60:.1f} minutes, "
-            f"best validation score {trained.best:.4g}, trained on {trained_on}."
+            f"best validation score {trained.best:.4g}, trained on {data.sentence}."
         ],
         figures=figures,
     )
 
 
-def _told(training: Mapping[str, Any]) -> str:
-    return f"{training['steps']} steps in {training['minutes']} minutes"
+def _told(training: Training) -> str:
+    return f"{training.steps} steps in {training.minutes} minutes"
 
 
-def _on_other(training: Mapping[str, Any], trained_on: str) -> str:
-    other = training.get("trained_on", trained_on)
-    return "" if other == trained_on else f", on {other}"
+def _on_other(training: Training, last: Training) -> str:
+    """On what data a training was, where they are known and others than the last training's."""
+    if training.data is None or (last.data is not None and training.data.agrees_with(last.data)):
+        return ""
+    return f", on {training.data.sentence}"
 
 
 def _card(
     stage: str,
     config: TrainingConfig,
-    trainings: Sequence[Mapping[str, Any]],
+    trainings: Sequence[Training],
     best_step: int,
-    trained_on: str,
     licences: Sequence[str],
     count: int,
     measured: Mapping[str, Any],
 ) -> str:
+    last = trainings[-1]
     lines = [
         f"# {stage}: weights of pumps",
         "",
-        f"- Trained on: {trained_on}.",
+        f"- Trained on: {last_sentence(trainings)}.",
         "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
-        *[
-            f"- Started from: weights of {_told(each)}{_on_other(each, trained_on)}."
-            for each in reversed(trainings[:-1])
-        ],
-        f"- Training: {_told(trainings[-1])}, a step of {config.batch} windows of {config.window} frames of "
+        *[f"- Started from: weights of {_told(each)}{_on_other(each, last)}." for each in reversed(trainings[:-1])],
+        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames of "
         f"{config.points} points, seed {config.seed}.",
         "",
         f"Validation of these weights, at step {best_step}:",

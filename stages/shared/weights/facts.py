@@ -10,9 +10,9 @@ from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.damaged_files import reading
 from data_schemas.manifest import Artefact
+from data_schemas.trainings import last_sentence, plain_trainings
 from stages.shared.weights import shipped
 from stages.shared.weights.shipped import CARD_NAME, MEASURED_NAME, default_weights, parts_of, weights_folder
-from stages.shared.weights.trainings import trainings_of
 
 VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "worse": "Bad at"}
 
@@ -20,10 +20,11 @@ VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "wor
 def facts_of(name_or_path: str | Path) -> dict[str, Any]:
     """What is known of some weights: plain data, from their artefacts and what was measured of them.
 
-    Returns: name, folder, default, licences, bytes, parameters, trained_on, longest_gap (frames at 30 a second),
-        steps (of all trainings that they tell of) and validation (figures of the steps that were kept), each of
-        autoencoder and synthesiser, measured (a list of mappings as `pumps weights pack --measured` wrote it, or
-        none) and card (Markdown, "" where there is none).
+    Returns: name, folder, default, licences, bytes, parameters, trained_on (one line on the last training's data),
+        longest_gap (frames at 30 a second), trainings (`data_schemas.trainings`, as plain data), steps (of all
+        trainings) and validation (figures of the steps that were kept), each of autoencoder and synthesiser,
+        measured (a list of mappings as `pumps weights pack --measured` wrote it, or none) and card (Markdown, ""
+        where there is none).
     Raises: InputError where there are no such weights, or they are damaged.
     """
     folder = weights_folder(name_or_path)
@@ -38,9 +39,10 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
         "licences": sorted({licence for each in artefacts for licence in each.manifest.licences}),
         "bytes": sum(_bytes(each) for each in artefacts),
         "parameters": {part: sum(v.size for v in k.weights.values()) for part, k in zip(parts, kept, strict=True)},
-        "trained_on": str(kept[1].config.get("trained_on", "")),
+        "trained_on": last_sentence(kept[1].trainings),
         "longest_gap": int(kept[1].config.get("longest_gap", 0)),
-        "steps": {part: sum(each["steps"] for each in trainings_of(k)) for part, k in zip(parts, kept, strict=True)},
+        "trainings": {part: plain_trainings(k.trainings) for part, k in zip(parts, kept, strict=True)},
+        "steps": {part: sum(each.steps for each in k.trainings) for part, k in zip(parts, kept, strict=True)},
         "validation": {part: _best(k.log) for part, k in zip(parts, kept, strict=True)},
         "measured": _measured(folder),
         "card": _text(folder / CARD_NAME),

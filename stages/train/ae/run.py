@@ -7,7 +7,7 @@ from stages.shared.contract import StageReport
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
-from stages.shared.training.stage import finish, summary_of, window_pools
+from stages.shared.training.stage import data_of, finish, window_pools
 from stages.train.ae.config import Config
 from stages.train.ae.task import AutoencoderTask
 
@@ -21,7 +21,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("reading windows")
         device = choose_device(config.device)
         pool, held_back = window_pools(reader, config, device)
-        trained_on = summary_of(pool, reader)
         task = AutoencoderTask(config, pool, held_back, device)
         trained = train(task, config, progress=progress)
         network = {
@@ -30,5 +29,5 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "decoder": config.decoder.model_dump(),
         }
         return finish(
-            config, trained, stage="train-ae", network=network, trained_on=trained_on, inputs=[reader.artefact]
+            config, trained, stage="train-ae", network=network, data=data_of(reader), inputs=[reader.artefact]
         )

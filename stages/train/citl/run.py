@@ -7,7 +7,7 @@ from stages.shared.contract import StageReport
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
-from stages.shared.training.stage import finish, summary_of, window_pools
+from stages.shared.training.stage import data_of, finish, window_pools
 from stages.train.citl.config import Config
 from stages.train.citl.task import InterpolatorTask
 
@@ -21,7 +21,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
         pool, held_back = window_pools(reader, config)
-        trained_on = summary_of(pool, reader)
         task = InterpolatorTask(config, pool, held_back, choose_device(config.device))
         trained = train(task, config, progress=progress)
         network = {
@@ -31,5 +30,5 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "groups": task.groups.tolist(),
         }
         return finish(
-            config, trained, stage="train-citl", network=network, trained_on=trained_on, inputs=[reader.artefact]
+            config, trained, stage="train-citl", network=network, data=data_of(reader), inputs=[reader.artefact]
         )

@@ -10,7 +10,7 @@ from stages.shared.inference.models import load_autoencoder
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
-from stages.shared.training.stage import finish, summary_of, window_pools
+from stages.shared.training.stage import data_of, finish, window_pools
 from stages.train.lms.config import Config
 from stages.train.lms.task import SynthesiserTask
 
@@ -31,7 +31,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("reading windows")
         device = choose_device(config.device)
         pool, held_back = window_pools(reader, config, device)
-        trained_on = summary_of(pool, reader)
         task = SynthesiserTask(config, autoencoder, pool, held_back, device)
         trained = train(task, config, progress=progress)
         network = {
@@ -45,6 +44,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             trained,
             stage="train-lms",
             network=network,
-            trained_on=trained_on,
+            data=data_of(reader),
             inputs=[reader.artefact, *inputs],
         )

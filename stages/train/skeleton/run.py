@@ -11,7 +11,7 @@ from stages.shared.formats.rig_file import rig_of_file
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
-from stages.shared.training.stage import finish, summary_of
+from stages.shared.training.stage import data_of, finish
 from stages.train.skeleton.config import Config
 from stages.train.skeleton.sources import pools_of
 from stages.train.skeleton.task import SkeletonTask
@@ -34,7 +34,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         pool, held_back = pools_of(readers, config)
         task = SkeletonTask(config, rig, pool, held_back, device)
         trained = train(task, config, progress=progress)
-        trained_on = "; ".join(summary_of(each, reader) for each, reader in zip(pool.pools, readers, strict=True))
         network = {
             "network": "skeleton",
             "encoder": config.encoder.model_dump(),
@@ -42,4 +41,4 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "rig": rig.plain(),
         }
         inputs = [reader.artefact for reader in readers]
-        return finish(config, trained, stage="train-skeleton", network=network, trained_on=trained_on, inputs=inputs)
+        return finish(config, trained, stage="train-skeleton", network=network, data=data_of(*readers), inputs=inputs)

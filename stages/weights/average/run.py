@@ -14,9 +14,9 @@ import numpy as np
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
+from data_schemas.trainings import Training, last_data, last_sentence
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.trainings import trainings_of
 from stages.weights.average.config import Config
 
 # Trainings from the same weights lay 0.09 to 0.11 of the weights' size apart, and averaged well; other trainings of
@@ -37,7 +37,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         kept.append(read_checkpoint(artefacts[-1], optimiser=False))
         progress.advance()
     for path, each in zip(config.checkpoints[1:], kept[1:], strict=True):
-        if _network(each) != _network(kept[0]):
+        if _network(each) != _network(kept[0]) or not _same_data(each, kept[0]):
             raise InputError(
                 f"{path} is another network than {config.checkpoints[0]}, or of another encoder, or of other data.",
                 "Average trainings that started from the same weights: `pumps train lms --initial`.",
@@ -56,10 +56,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_checkpoint(
             draft.folder,
             weights={name: np.asarray(value, np.float32) for name, value in mean.items()},
-            config={**kept[0].config, "trainings": trainings},
+            config=kept[0].config,
             optimiser=None,
             log=[],
             card=_card(kept, trainings, sorted(draft.licences)),
+            trainings=trainings,
         )
     return StageReport(
         output=config.output,
@@ -73,9 +74,14 @@ def _mean(arrays: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _network(kept: Checkpoint) -> tuple[dict[str, Any], dict[str, tuple[int, ...]]]:
-    """What must be the same: the arrays' shapes, and all that is told but which trainings it went through."""
-    told = {name: value for name, value in kept.config.items() if name != "trainings"}
-    return told, {name: array.shape for name, array in kept.weights.items()}
+    """What must be the same: the network's sizes and the encoder that it is for, and the arrays' shapes."""
+    return kept.config, {name: array.shape for name, array in kept.weights.items()}
+
+
+def _same_data(one: Checkpoint, other: Checkpoint) -> bool:
+    """Whether the last trainings of both may have been on the same data."""
+    mine, theirs = last_data(one.trainings), last_data(other.trainings)
+    return mine is theirs or (mine is not None and theirs is not None and mine.agrees_with(theirs))
 
 
 def _distance(kept: Checkpoint, mean: Mapping[str, np.ndarray]) -> float:
@@ -86,26 +92,26 @@ def _distance(kept: Checkpoint, mean: Mapping[str, np.ndarray]) -> float:
     return share if np.isfinite(share) else float("inf")
 
 
-def _trainings(kept: Sequence[Checkpoint]) -> list[dict[str, Any]]:
+def _trainings(kept: Sequence[Checkpoint]) -> list[Training]:
     """All trainings that are in the mean: those that they have in common once, then those of each."""
-    every = [trainings_of(each) for each in kept]
+    every = [each.trainings for each in kept]
     shared = 0
     while all(len(own) > shared and own[shared] == every[0][shared] for own in every):
         shared += 1
     return [*every[0][:shared], *(training for own in every for training in own[shared:])]
 
 
-def _card(kept: Sequence[Checkpoint], trainings: Sequence[dict[str, Any]], licences: Sequence[str]) -> str:
+def _card(kept: Sequence[Checkpoint], trainings: Sequence[Training], licences: Sequence[str]) -> str:
     count = sum(value.size for value in kept[0].weights.values())
     lines = [
         "# weights average: weights of pumps",
         "",
         f"- The mean of {len(kept)} checkpoints' weights (Wortsman et al. 2022).",
-        f"- Trained on: {kept[0].config.get('trained_on', 'nobody says what')}.",
+        f"- Trained on: {last_sentence(kept[0].trainings) or 'nobody says what'}.",
         "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
-        *[f"- Of a training of {each['steps']} steps in {each['minutes']} minutes." for each in trainings],
+        *[f"- Of a training of {each.steps} steps in {each.minutes} minutes." for each in trainings],
         "",
     ]
     return "\n".join(lines)

@@ -90,6 +90,7 @@ def _pack(config: Config, part: str, kept: Checkpoint, source: Artefact) -> Arte
             optimiser=None,
             log=[{name: row[name] for name in _LOGGED if name in row} for row in kept.log],
             card=kept.card,
+            trainings=kept.trainings,
         )
     return open_artefact(path, "checkpoint")
 

@@ -12,6 +12,7 @@ from data_schemas.artefact import write_artefact
 from data_schemas.checkpoint import write_checkpoint
 from data_schemas.manifest import open_artefact
 from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.trainings import Training, TrainingData
 from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
 from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
@@ -80,7 +81,7 @@ def swinging(skeleton: Skeleton, frames: int, fps: float = 30.0, seed: int = 0) 
     return Motion(rotations.astype(np.float32), still.astype(np.float32), fps, joint, tracks)
 
 
-def write_random_weights(folder: Path, seed: int = 0, trained_on: str = "nothing") -> Path:
+def write_random_weights(folder: Path, seed: int = 0, trained_on: TrainingData | None = None) -> Path:
     """Folder with `ae` and `lms` whose networks are tiny and random: results mean nothing and repeat exactly."""
     torch.manual_seed(seed)
     encoder_sizes = EncoderSizes(width=8, blocks=2, neighbours=4, heads=2)
@@ -95,18 +96,22 @@ def write_random_weights(folder: Path, seed: int = 0, trained_on: str = "nothing
     both = {f"encoder.{k}": v for k, v in encoder.state_dict().items()}
     both |= {f"decoder.{k}": v for k, v in decoder.state_dict().items()}
     ae = {"network": "autoencoder", "encoder": encoder_sizes.model_dump(), "decoder": decoder_sizes.model_dump()}
-    _write(folder / "ae", both, {**ae, "window": 64, "points": 32, "trained_on": trained_on})
+    _write(folder / "ae", both, {**ae, "window": 64, "points": 32}, trained_on)
     digest = open_artefact(folder / "ae").manifest.digest
     lms = {"network": "synthesiser", "synthesiser": synthesiser_sizes.model_dump(), "encoder_digest": digest}
     _write(
         folder / "lms",
         synthesiser.state_dict(),
-        {**lms, "window": 64, "points": 32, "longest_gap": 32, "trained_on": trained_on},
+        {**lms, "window": 64, "points": 32, "longest_gap": 32},
+        trained_on,
     )
     return folder
 
 
-def _write(path: Path, weights: dict, config: dict) -> None:
+def _write(path: Path, weights: dict, config: dict, data: TrainingData | None) -> None:
     arrays = {name: value.numpy() for name, value in weights.items()}
     with write_artefact(path, "checkpoint", stage="test", config={}, licences=["test only"]) as draft:
-        write_checkpoint(draft.folder, weights=arrays, config=config, optimiser=None, log=[], card="random")
+        write_checkpoint(
+            draft.folder, weights=arrays, config=config, optimiser=None, log=[], card="random",
+            trainings=[Training(steps=0, minutes=0.0, data=data)],
+        )  # fmt: skip

@@ -26,7 +26,7 @@ def write_random_rig_network(path: Path, *, above: bool = False, window: int = 1
         network.out.weight.mul_(3)
     weights = {name: value.numpy() for name, value in network.state_dict().items()}
     config = {"network": "skeleton", "encoder": ENCODER.model_dump(), "skeleton": SIZES.model_dump()}
-    config |= {"rig": rig.plain(), "window": window, "points": 40, "trained_on": "nothing"}
+    config |= {"rig": rig.plain(), "window": window, "points": 40}
     with write_artefact(path, "checkpoint", stage="test", config={}, licences=["test only"]) as draft:
         write_checkpoint(draft.folder, weights=weights, config=config, optimiser=None, log=[], card="random")
     return path

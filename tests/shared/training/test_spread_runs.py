@@ -136,8 +136,8 @@ def test_a_training_starts_from_a_finished_one_and_its_optimiser(clouds, tmp_pat
     assert all(np.abs(again.weights[name] - kept.weights[name]).max() < 1e-6 for name in kept.weights)
     assert again.optimiser is not None
     assert {int(value) for name, value in again.optimiser.items() if name.startswith("step/")} == {12}
-    assert [each["steps"] for each in again.config["trainings"]] == [6, 6]
-    assert {each["trained_on"] for each in again.config["trainings"]} == {kept.config["trained_on"]}
+    assert [each.steps for each in again.trainings] == [6, 6]
+    assert {each.data.sentence for each in again.trainings if each.data} == {kept.trainings[0].data.sentence}
     assert "Started from: weights of 6 steps" in again.card and str(tmp_path) not in again.card
 
     other = {**TINY, "initial": first.output, "encoder": {**TINY["encoder"], "width": 4}}

@@ -6,18 +6,20 @@ import pytest
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import read_checkpoint, write_checkpoint
 from data_schemas.errors import InputError
+from data_schemas.trainings import TrainedArchive, Training, TrainingData
 from stages.weights.average.config import Config
 from stages.weights.average.run import run
 
-CONFIG = {"network": "synthesiser", "encoder_digest": "a", "trained_on": "3 clips, from a.zip"}
-FIRST, ONE, TWO = ({"steps": steps, "minutes": 1.0} for steps in (10, 20, 30))
+CONFIG = {"network": "synthesiser", "encoder_digest": "a"}
+DATA = TrainingData(clips=3, seconds=60.0, skeletons=1, archives=[TrainedArchive(name="a.zip", sha256="1" * 64)])
+FIRST, ONE, TWO = (Training(steps=steps, minutes=1.0, data=DATA) for steps in (10, 20, 30))
 
 
-def write(path, weights, **config):
+def write(path, weights, trainings=(FIRST,), **config):
     with write_artefact(path, "checkpoint", stage="train-lms", config={}, licences=[f"of {path.name}"]) as draft:
         write_checkpoint(
             draft.folder, weights=weights, config={**CONFIG, **config}, optimiser=None,
-            log=[{"step": 7, "seconds": 60.0, "split": "train"}], card="",
+            log=[], card="", trainings=trainings,
         )  # fmt: skip
     return path
 
@@ -48,7 +50,7 @@ def test_the_mean_of_weights_with_their_licences_and_trainings(weights, tmp_path
         assert found.weights[name].dtype == np.float32
         every = [read_checkpoint(place).weights[name].astype(float) for place in places]
         np.testing.assert_allclose(found.weights[name], sum(every) / 3, rtol=1e-6, atol=1e-7)
-    assert found.config == {**CONFIG, "trainings": [FIRST, ONE, TWO]}
+    assert found.config == CONFIG and found.trainings == (FIRST, ONE, TWO)
     assert made.manifest.licences == ["of one", "of three", "of two"]
     assert all(licence in found.card for licence in made.manifest.licences)
     assert [each.digest for each in made.manifest.inputs] == [
@@ -63,16 +65,37 @@ def test_the_mean_of_one_and_the_same_is_itself(weights, tmp_path):
     assert run(Config(checkpoints=(place, place, place), output=tmp_path / "mean")).figures["apart"] < 1e-6
     found = read_checkpoint(tmp_path / "mean")
     assert all(np.abs(found.weights[name] - weights[name]).max() < 1e-6 for name in weights)
-    (own,) = found.config["trainings"]
-    assert (own["steps"], own["minutes"]) == (7, 1.0)  # what their log says of the one training
+    assert found.trainings == (FIRST,)
 
 
-@pytest.mark.parametrize("change", ["network", "encoder_digest", "trained_on"])
+def on(**changes):
+    return {"trainings": (Training(steps=10, minutes=1.0, data=DATA.model_copy(update=changes)),)}
+
+
+OTHERS = {
+    "network": {"network": "other"},
+    "encoder": {"encoder_digest": "other"},
+    "more clips": on(clips=4),
+    "another archive": on(archives=[TrainedArchive(name="b.zip")]),
+    "an archive of the same name": on(archives=[TrainedArchive(name="a.zip", sha256="2" * 64)]),
+    "data that nobody knows": {"trainings": ()},
+}
+
+
+@pytest.mark.parametrize("change", OTHERS)
 def test_other_networks_encoders_and_data_are_refused(weights, tmp_path, change):
-    places = write(tmp_path / "one", weights), write(tmp_path / "two", near(weights, 1), **{change: "other"})
+    places = write(tmp_path / "one", weights), write(tmp_path / "two", near(weights, 1), **OTHERS[change])
     with pytest.raises(InputError, match="another network"):
         run(Config(checkpoints=places, output=tmp_path / "mean"))
     assert not (tmp_path / "mean").exists()
+
+
+def test_weights_that_do_not_know_the_content_of_their_archives_are_averaged_with_ones_that_do(weights, tmp_path):
+    places = (
+        write(tmp_path / "one", weights),
+        write(tmp_path / "two", near(weights, 1), **on(archives=[TrainedArchive(name="a.zip")])),
+    )
+    assert run(Config(checkpoints=places, output=tmp_path / "mean")).figures["checkpoints"] == 2
 
 
 @pytest.mark.parametrize("value", ["far", "no number"])
