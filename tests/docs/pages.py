@@ -15,7 +15,7 @@ def blocks(language: str) -> list[tuple[Path, str]]:
     return [(page, block) for page in PAGES for block in fence.findall(page.read_text(encoding="utf-8"))]
 
 
-LAUNCHED = re.compile(r"^(torchrun|accelerate launch) (.*?)-m pumps_cli ")
+LAUNCHED = re.compile(r"^(torchrun|accelerate launch) (.*?--no[-_]python) pumps ")
 
 
 def commands() -> list[tuple[Path, str]]:

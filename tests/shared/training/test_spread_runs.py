@@ -59,6 +59,17 @@ def test_two_processes_train_as_one_and_the_first_alone_writes_and_tells(clouds,
     assert_same_training(tmp_path / "ae", whole)
 
 
+def test_a_folder_that_holds_another_package_called_stages_does_no_harm(clouds, whole, tmp_path):
+    """The training imports its own packages, not those of the folder that it is started from; so do its workers."""
+    own = tmp_path / "stages"
+    own.mkdir()
+    (own / "__init__.py").write_text("raise ImportError('these are other stages')\n")
+    spread = start_training(clouds, tmp_path / "ae", processes=2, folder=tmp_path, **EXACT, workers=1)
+    said, _ = spread.communicate(timeout=180)
+    assert spread.returncode == 0, said
+    assert_same_training(tmp_path / "ae", whole)
+
+
 @pytest.mark.parametrize("changes", [{"accumulate": 2}, {"accumulate": 5}, {"activation_checkpointing": True}])
 def test_parts_and_computing_again_change_nothing_but_rounding(clouds, whole, tmp_path, changes):
     run(Config(tpc=clouds, output=tmp_path / "ae", **{**TINY, **EXACT, **changes}))
@@ -75,7 +86,7 @@ def test_a_process_that_dies_ends_them_all(clouds, tmp_path):
         assert spread.poll() is None and time.monotonic() < deadline
         time.sleep(0.05)
     children = Path(f"/proc/{spread.pid}/task/{spread.pid}/children").read_text().split()
-    trainers = [int(child) for child in children if b"pumps_cli" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    trainers = [int(child) for child in children if b"train\0ae" in Path(f"/proc/{child}/cmdline").read_bytes()]
     assert len(trainers) == 2
     os.kill(trainers[1], signal.SIGKILL)
     spread.communicate(timeout=180)

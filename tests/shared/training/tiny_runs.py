@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -41,16 +41,19 @@ def flags_of(settings: dict[str, Any], table: str = "") -> list[str]:
     return flags
 
 
-def start_training(clouds: Path, output: Path, processes: int = 1, **changes: Any) -> subprocess.Popen[str]:
-    """`pumps train ae` on the tiny sizes, by itself or under torchrun."""
-    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(processes)]
+def start_training(
+    clouds: Path, output: Path, processes: int = 1, *, folder: Path = ROOT, **changes: Any
+) -> subprocess.Popen[str]:
+    """`pumps train ae` on the tiny sizes from a folder, by itself or under torchrun, as docs/training.md has it."""
+    scripts = Path(sysconfig.get_path("scripts"))
+    launcher = [str(scripts / "torchrun"), "--standalone", "--nproc-per-node", str(processes), "--no-python"]
     command = [
-        sys.executable, *(launcher if processes > 1 else []), "-m", "pumps_cli", "train", "ae",
+        *(launcher if processes > 1 else []), str(scripts / "pumps"), "train", "ae",
         "--tpc", str(clouds), "-o", str(output), *flags_of({**TINY, **changes}),
     ]  # fmt: skip
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
     return subprocess.Popen(
-        command, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
     )
 
 
