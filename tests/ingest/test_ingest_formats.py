@@ -119,7 +119,7 @@ def test_one_format_takes_only_its_own_files(folder: Path, tmp_path: Path) -> No
 def test_a_skeleton_given_outright(folder: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone.amc"
     alone.write_bytes(AsfText(frames=9).amc())
-    with pytest.raises(InputError, match="no ASF lies beside"):
+    with pytest.raises(InputError, match="there is no ASF in its folder"):
         run(Config(sources=(str(alone),), output=tmp_path / "out"))
     run(Config(sources=(str(alone),), output=tmp_path / "out", skeleton=str(folder / "cmu" / "07" / "07.asf")))
     assert open_artefact(tmp_path / "out").manifest.summary["formats"] == {"asf": 1}

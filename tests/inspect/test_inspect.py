@@ -67,7 +67,7 @@ def test_a_map_is_printed_edited_and_obeyed(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no joint 'x'"):
         infill(InfillConfig(input=path, output=tmp_path / "o.bvh", keyframes="every:10", skeleton_map=given))
     given.write_text(text.replace('"Hips", "Spine"', '"Spine", "Hips"'))
-    with pytest.raises(InputError, match="in spine 'Hips' does not hang below 'Spine'"):
+    with pytest.raises(InputError, match="in spine 'Hips' is not below 'Spine'"):
         run(Config(path=str(path), skeleton_map=given))
 
 
@@ -88,7 +88,9 @@ def test_ingest_and_infill_obey_a_map(tmp_path: Path) -> None:
     report = ingest(
         IngestConfig(sources=(str(path),), output=tmp_path / "motion", skeleton_map=(other, given), licence="CC0")
     )
-    assert report.figures["clips"] == 1 and any("other.toml fits none of the rigs" in line for line in report.lines)
+    assert report.figures["clips"] == 1 and any(
+        "other.toml matches none of the rigs" in line for line in report.lines
+    )
     with MotionReader(tmp_path / "motion") as reader:
         assert BODY_GROUPS[reader.skeleton(reader.clips[0].skeleton).groups[14]] == "left_leg"
 

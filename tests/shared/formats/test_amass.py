@@ -56,7 +56,7 @@ def test_joints_of_the_neutral_figure(layout: str) -> None:
     expected = _by_matrices(layout, np.array(rest.offsets), np.zeros(3), pose_vectors(layout), trans)
     assert np.allclose(_heads(recording, layout), expected, atol=1e-5)
     assert skeleton.up_axis == "z" and skeleton.unit_m == 1 and skeleton.names[skeleton.root] == "pelvis"
-    assert recording.motion.fps == 120 and recording.notes == [] and "neutral figure" in recording.remarks[0]
+    assert recording.motion.fps == 120 and recording.notes == [] and "neutral body" in recording.remarks[0]
     counts = np.bincount(skeleton.groups[skeleton.sampled], minlength=len(BODY_GROUPS))
     assert counts[1] == counts[2] >= 3 and counts[3] == counts[4] >= 3 and counts[0] >= 5
     assert not any("index" in n or "eye" in n for n, s in zip(skeleton.names, skeleton.sampled, strict=True) if s)
@@ -148,7 +148,7 @@ def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
         (npz(betas=np.zeros(10)), "neither poses nor root_orient"),
         (old_layout(mocap_framerate=None), "no mocap_framerate"),
         (old_layout(mocap_framerate=np.array(0.0)), "0 frames a second"),
-        (old_layout(poses=np.zeros((8, 100))), "100 wide"),
+        (old_layout(poses=np.zeros((8, 100))), "100 numbers wide"),
         (old_layout(poses=np.zeros((0, 156))), "expected frames"),
         (old_layout(poses=np.full((8, 156), np.nan)), "not finite in frame 0"),
         (old_layout(poses=np.full((8, 156), "a")), "no numbers"),
@@ -166,7 +166,7 @@ def test_bad_files_are_refused_with_the_key(data: bytes, says: str) -> None:
 
 
 def test_a_model_that_is_missing_or_damaged(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=re.escape("smplh/male/model.npz is not there")):
+    with pytest.raises(InputError, match=re.escape("smplh/male/model.npz nor a variant of its name")):
         _read(old_layout(), body_models=tmp_path)
     path = tmp_path / "smplh" / "male" / "model.npz"
     path.parent.mkdir(parents=True)

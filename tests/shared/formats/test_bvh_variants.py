@@ -90,7 +90,7 @@ def test_three_and_six_channels_mixed() -> None:
 def test_several_roots_are_refused_by_name_and_line() -> None:
     second = BvhText(names={name: f"B_{name}" for name in NAMES}).header().partition("HIERARCHY\n")[2]
     head, _, rest = BvhText().text().partition("MOTION")
-    with pytest.raises(InputError, match=r"line \d+: a second ROOT 'B_Hips' follows 'Hips'") as caught:
+    with pytest.raises(InputError, match=r"line \d+: there is a second ROOT 'B_Hips' after 'Hips'") as caught:
         read_bvh((head + second + "MOTION" + rest).encode(), "two.bvh")
     assert "Split the file" in (caught.value.hint or "")
 

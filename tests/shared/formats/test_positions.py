@@ -208,7 +208,7 @@ NAMES, PLACES, _ = _truth()
 @pytest.mark.parametrize(
     ("data", "options", "says"),
     [
-        (_npy(PLACES), {}, "no joints' names and parents"),
+        (_npy(PLACES), {}, "no joint names and parents"),
         (_npy(PLACES[:, :5]), {"rig": RIG.data(), "rig_name": "rig.bvh"}, "5 joints without names"),
         (_npy(PLACES), {"rig_name": "h36m17"}, "the list h36m17 has 17"),
         (_npy(PLACES[..., :2]), {"rig_name": "h36m17"}, "expected frames, joints and 3"),
@@ -217,7 +217,7 @@ NAMES, PLACES, _ = _truth()
         (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Head.y"), {"rig": RIG.data()}, "twice"),
         (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Hood.z"), {"rig": RIG.data()}, "needs x, y and z"),
         (_csv(list(NAMES), PLACES).replace(b"Head.", b"Hood."), {"rig": RIG.data()}, "no joint 'Hood'"),
-        (npz(joints=PLACES, names=np.array(["a"])), {"rig": RIG.data(), "rig_name": "r"}, "21 joints and 1 names"),
+        (npz(joints=PLACES, names=np.array(["a"])), {"rig": RIG.data(), "rig_name": "r"}, "21 joints but 1 names"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.full(21, 3)), {}, "0 roots"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.arange(-1, 20) * 0 - 1), {}, "21 roots"),
         (npz(names=np.array(["a"])), {}, "no array of positions"),

@@ -96,8 +96,8 @@ def test_chains_that_do_not_run_down_the_rig_are_told_at_once(tmp_path: Path) ->
     with pytest.raises(InputError) as caught:
         motion_of(read_bvh(BvhText().data(), "a"), skeleton_maps=(_map(tmp_path, text),))
     for part in (
-        "left_arm 'RightShoulder' does not hang below 'RightHand'", "'RightToe' does not hang below 'LeftUpLeg'",
-        "left_leg begins at 'RightUpLeg', which does not lie below 'Spine'",
+        "left_arm 'RightShoulder' is not below 'RightHand'", "'RightToe' is not below 'LeftUpLeg'",
+        "left_leg begins at 'RightUpLeg', which is not below 'Spine'",
     ):  # fmt: skip
         assert part in caught.value.message
 
