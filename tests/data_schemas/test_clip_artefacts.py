@@ -152,7 +152,7 @@ def test_reading_what_is_not_there(tmp_path):
     write_motion(tmp_path / "m")
     with MotionReader(tmp_path / "m") as reader:
         for start, stop in ((-1, 5), (0, 11), (5, 5), (10, None)):
-            with pytest.raises(InputError, match="not within the clip 'walk', which has 10"):
+            with pytest.raises(InputError, match="outside the clip 'walk', which has 10 frames"):
                 reader.motion("walk", start, stop)
         for name in ("run", "", "..", "/", "walk/rotations"):
             with pytest.raises(InputError, match="has no clip"):
