@@ -105,7 +105,7 @@ def test_strict_stops_at_a_bad_file_but_not_at_what_is_no_recording(folder: Path
     run(Config(sources=(str(folder),), output=tmp_path / "out", strict=True))
 
 
-def test_a_file_named_outright_is_not_passed_over(folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_named_itself_is_not_skipped(folder: Path, tmp_path: Path) -> None:
     for name, says in (("notes.txt", "no recording"), ("secret.fbx", "FBX")):
         with pytest.raises(InputError, match=says):
             run(Config(sources=(str(folder / name),), output=tmp_path / "out"))
@@ -116,7 +116,7 @@ def test_one_format_takes_only_its_own_files(folder: Path, tmp_path: Path) -> No
     assert set(_table(tmp_path / "out")) == {"cmu/07/07_01.amc", "cmu/08/08_01.amc"}
 
 
-def test_a_skeleton_given_outright(folder: Path, tmp_path: Path) -> None:
+def test_a_skeleton_given_as_an_option(folder: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone.amc"
     alone.write_bytes(AsfText(frames=9).amc())
     with pytest.raises(InputError, match="there is no ASF in its folder"):

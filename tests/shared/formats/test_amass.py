@@ -1,4 +1,4 @@
-"""AMASS: every layout, the subject's own joints, what is missing, and no pickle ever loaded."""
+"""AMASS: every layout, the subject's own joints, missing facts; pickles are never loaded."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _by_matrices(layout: str, offsets: np.ndarray, pelvis: np.ndarray, vectors: 
 
 
 @pytest.mark.parametrize("layout", ["body", "smpl", "smplh", "smplx"])
-def test_joints_of_the_neutral_figure(layout: str) -> None:
+def test_joints_of_the_neutral_body(layout: str) -> None:
     recording = _read(old_layout(layout))
     skeleton = recording.skeleton
     rest = neutral_joints(layout)
@@ -62,7 +62,7 @@ def test_joints_of_the_neutral_figure(layout: str) -> None:
     assert not any("index" in n or "eye" in n for n, s in zip(skeleton.names, skeleton.sampled, strict=True) if s)
 
 
-def test_both_layouts_say_the_same() -> None:
+def test_both_layouts_give_the_same_motion() -> None:
     whole = np.concatenate([pose_vectors("smplx")], axis=1)
     parts, poses = _read(new_layout()), _read(new_layout(poses=whole, root_orient=None, pose_body=None))
     assert np.array_equal(parts.motion.rotations, poses.motion.rotations) and parts.motion.fps == 100
@@ -72,7 +72,7 @@ def test_both_layouts_say_the_same() -> None:
     assert np.array_equal(_read(old_layout(poses=cube)).motion.rotations, _read(old_layout()).motion.rotations)
 
 
-def test_the_neutral_figure_is_a_plausible_person() -> None:
+def test_the_neutral_body_is_a_plausible_person() -> None:
     recording = _read(
         old_layout(poses=np.tile([np.pi / 2, 0, 0] + [0.0] * 153, (3, 1)), trans=np.zeros((3, 3)), frames=3)
     )
@@ -116,7 +116,7 @@ def test_joints_agree_with_the_smplx_package(tmp_path: Path) -> None:
     assert np.allclose(_heads(recording, "smpl"), out.joints[:, :24].detach().numpy(), atol=1e-4)
 
 
-def test_what_is_missing_is_taken_for_granted_and_told(tmp_path: Path) -> None:
+def test_missing_facts_are_assumed_and_reported(tmp_path: Path) -> None:
     body_model(tmp_path / "smplh" / "neutral" / "model.npz", "smplh")
     recording = _read(old_layout(gender=None, betas=None, dmpls=None), body_models=tmp_path)
     assert any("neutral" in remark for remark in recording.remarks) and any("betas" in r for r in recording.remarks)

@@ -1,4 +1,4 @@
-"""ASF/AMC: joints where the format's definition puts them, every spelling, and clear words for what is wrong."""
+"""ASF/AMC: joints are where the format's definition puts them, in every spelling; errors name the fault."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_frames_line_by_line_are_the_frames_at_once() -> None:
     assert np.array_equal(read_amc(spaced, "t.amc", skeleton).values, whole.values)
 
 
-def test_blocks_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_give_the_same_result(monkeypatch: pytest.MonkeyPatch) -> None:
     text = AsfText(frames=9)
     skeleton = read_asf(text.asf(), "t.asf")
     whole = read_amc(text.amc(), "t.amc", skeleton).values

@@ -1,4 +1,4 @@
-"""The reader takes every spelling of a BVH that is met, and says clearly what is wrong with the others."""
+"""The reader accepts every spelling of a BVH found in public data, and names the faults of other files."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_rows_broken_over_lines_are_joined() -> None:
     assert np.array_equal(read_bvh(broken.encode(), "a").values, read_bvh(text.encode(), "a").values)
 
 
-def test_bytes_that_are_no_utf8_survive() -> None:
+def test_bytes_that_are_not_utf8_are_kept() -> None:
     data = BvhText().data().replace(b"LeftHand", b"M\xe3o_L hand")
     bvh = read_bvh(data, "a")
     assert bvh.header.encode(bvh.encoding) in data

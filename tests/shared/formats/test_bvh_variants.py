@@ -1,4 +1,4 @@
-"""The variants of BVH that are met in the wild, each read to the same motion as the plain spelling of it."""
+"""Variants of BVH found in public data: each gives the same motion as the plain spelling."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_no_end_sites() -> None:
 
 
 def test_positions_on_all_joints() -> None:
-    """As exporters write that repeat the offsets in every row: no joint moves against its parent, so no tracks."""
+    """Some exporters repeat the offsets in every row: no joint moves relative to its parent, so there is no track."""
     skeleton, motion = _motion(BvhText(placed=tuple(NAMES)).data())
     _same_body(BvhText(placed=tuple(NAMES)).data(), BvhText().data())
     assert len(motion.track_joints) == 0 and skeleton.joints == 21

@@ -1,4 +1,4 @@
-"""glTF skins as motion: joints where the nodes put them, every kind of curve, clear words for what is not read."""
+"""glTF skins as motion: joints are where the nodes put them, all kinds of curve; errors name what is not read."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def test_tables_in_any_spelling_are_the_same(joint: str, separator: str) -> None
     assert np.allclose(recording.motion.rotations, expected.motion.rotations, atol=1e-6)
 
 
-def test_joints_that_nothing_measures_are_stiff() -> None:
+def test_joints_without_measurements_are_stiff() -> None:
     names, places, _ = _truth()
     kept = [i for i, name in enumerate(names) if name not in ("LeftShoulder", "RightShoulder", "Neck", "Spine")]
     recording = _read(_csv([names[i] for i in kept], places[:, kept]), rig=RIG.data(), rig_name="rig.bvh")
@@ -160,7 +160,7 @@ def test_names_and_parents_alone(tmp_path: Path) -> None:
     assert np.abs(_places(inside, names) * 100 - places).max() < 0.3
 
 
-def test_gaps_are_bridged_and_told() -> None:
+def test_gaps_are_interpolated_and_reported() -> None:
     names, places, _ = _truth()
     holed = places.copy()
     holed[5:7, names.index("LeftHand")] = np.nan
