@@ -106,7 +106,7 @@ def test_strict_stops_at_a_bad_file_but_not_at_what_is_no_recording(folder: Path
 
 
 def test_a_file_that_is_named_itself_is_not_skipped(folder: Path, tmp_path: Path) -> None:
-    for name, says in (("notes.txt", "no recording"), ("secret.fbx", "FBX")):
+    for name, says in (("notes.txt", "not a recording"), ("secret.fbx", "FBX")):
         with pytest.raises(InputError, match=says):
             run(Config(sources=(str(folder / name),), output=tmp_path / "out"))
 
