@@ -12,6 +12,7 @@ import typer
 
 from data_schemas.version import PUMPS_VERSION
 from stages.registry import GROUP_SUMMARIES, OLD_NAMES, OLD_WORDS, STAGES, Stage, stage_named
+from stages.shared.threads import let_waiting_threads_sleep
 
 _ABOUT = "Fill in human motion on any skeleton: BVH in, infilled BVH out."
 _EXAMPLE = "Example: pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh"
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = _today(given)
     wanted = next((word for word in given if not word.startswith("-")), None)
     everything = "_PUMPS_COMPLETE" in os.environ  # the shell asks for completions
-    _let_waiting_threads_sleep()
+    let_waiting_threads_sleep()
     build_app(wanted, everything=everything)(args=given, prog_name="pumps")
 
 
@@ -45,19 +46,6 @@ def _today(given: list[str]) -> list[str]:
     new = " ".join(words)
     print(f"`pumps {given[at]}` is now `pumps {new}`; the old word goes in the next version.", file=sys.stderr)
     return [*given[:at], *words, *given[at + 1 :]]
-
-
-def _let_waiting_threads_sleep() -> None:
-    """OpenMP's threads soon sleep while they wait, unless the environment says otherwise.
-
-    By default they spin, and wait for one another's turn where another process shares the cores: a solve was twenty
-    times slower beside one. With no spinning at all a training step on two quiet cores takes 1.6 times as long; a few
-    microseconds of it give most of that back, and cost little beside others (docs/performance.md). OpenMP reads this
-    when torch is loaded, which no module that is imported here does.
-    """
-    if os.environ.setdefault("OMP_WAIT_POLICY", "passive").lower() == "passive":
-        os.environ.setdefault("GOMP_SPINCOUNT", "2000")
-    os.environ.setdefault("KMP_BLOCKTIME", "0")  # Intel's and LLVM's, which spin on for 200 ms all the same
 
 
 def build_app(wanted: str | None, *, everything: bool = False) -> typer.Typer:

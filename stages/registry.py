@@ -145,7 +145,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("infill",),
-        "Fill a BVH between its keyframes, on its own skeleton.",
+        "Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton.",
         ("BVH", "checkpoint"), "BVH", "pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh",
         arguments=("input",), needs=("data-pick", "train-ae", "train-lms"),
     ),

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from stages.shared.kinematics.conventions import GROUPS
 from stages.shared.networks.layers.device import precision
+from stages.shared.networks.layers.layer_stack import set_checkpointing
 from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
 from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
@@ -107,9 +108,7 @@ def synthesiser_step(
 
 def _descent(networks: nn.Module, checkpointing: bool) -> Callable[[Tensor], None]:
     """The rest of a step: backward, clip, AdamW."""
-    for module in networks.modules():
-        if hasattr(module, "checkpointing"):
-            setattr(module, "checkpointing", checkpointing)  # noqa: B010, a plain attribute
+    set_checkpointing(networks, checkpointing)
     networks.train()
     parameters = list(networks.parameters())
     optimiser = torch.optim.AdamW(parameters, lr=1e-4, fused=parameters[0].device.type == "cpu" or None)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.clips import ClipRow
@@ -22,9 +21,10 @@ from data_schemas.tpc import TpcReader
 from stages.decode.clouds import chosen_rows, latents_of
 from stages.decode.config import Config
 from stages.shared.contract import StageReport
+from stages.shared.inference.cloud_sources import GivenLatents
 from stages.shared.inference.filling import fill_motion
 from stages.shared.inference.keyframes import parse_keyframes
-from stages.shared.inference.models import Autoencoder, load_autoencoder
+from stages.shared.inference.models import load_autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.kinematics.resampling import resample
@@ -124,37 +124,17 @@ class _Latents:
     """Latents: only what their decoding differs from that of the plain interpolation's moves points."""
 
     def __init__(self, reader: LatentReader, config: Config):
-        self._models = _DecodingAlone(load_autoencoder(str(config.ae), config.device))
-        reader.check_encoder(self._models.autoencoder.digest)
+        self._autoencoder = load_autoencoder(str(config.ae), config.device)
+        reader.check_encoder(self._autoencoder.digest)
         self.artefacts = [reader.artefact, open_artefact(str(config.ae), "checkpoint")]
         self.rows = chosen_rows(reader.clips, config.splits, config.latent)
         self._reader, self._config = reader, config
 
     def fill(self, row: ClipRow, skeleton: Skeleton, motion: Motion, known: np.ndarray) -> Motion:
-        device = self._models.autoencoder.device
+        device = self._autoencoder.device
         latents, centroids, _ = latents_of(self._reader, row)
-        return fill_motion(
-            skeleton,
-            motion,
-            known,
-            self._models,
-            cloud="latents",
-            latents=(latents.to(device), centroids.to(device)),
-            points=self._config.points,
-            seed=self._config.seed,
-            device=device,
-        ).motion
-
-
-@dataclass(frozen=True)
-class _DecodingAlone:
-    """The part of trained models that decoding needs."""
-
-    autoencoder: Autoencoder
-    glide: Glide = _HELD
-
-    def synthesise(
-        self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
-    ) -> tuple[Tensor, Tensor]:
-        """The latents as they are: they come from outside."""
-        return latents, centroids
+        source = GivenLatents(self._autoencoder, latents.to(device), centroids.to(device), _HELD)
+        filled = fill_motion(
+            skeleton, motion, known, source, points=self._config.points, seed=self._config.seed, device=device
+        )
+        return filled.motion

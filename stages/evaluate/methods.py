@@ -5,8 +5,9 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
+from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
-from stages.shared.inference.models import load_weights, named_source
+from stages.shared.inference.models import Models, load_weights, named_source
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.shared.statistics.tasks import PREDICTION
@@ -56,7 +58,7 @@ class LoadedWeights:
 
     name: str
     source: str
-    models: Any
+    models: Models
 
     def artefacts(self) -> list[Path]:
         """The checkpoints that the weights lie in."""
@@ -80,10 +82,14 @@ def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list
     """All methods of a task's table, the plain ones first."""
     plain = PREDICTION_BASELINES if task.name == PREDICTION else BASELINES
     methods = [Method(name, _plain_fill(function)) for name, function in plain.items()]
-    methods += [Method(w.name, _model_fill(w.models, "synthesised", config)) for w in loaded]
+    options = FillOptions(foot_lock=config.foot_lock)
+    methods += [Method(w.name, _cloud_fill(partial(_synthesised, w.models), config, options)) for w in loaded]
     if config.breakdown:
-        methods += [Method(w.name + RECONSTRUCTED, _model_fill(w.models, "reconstructed", config)) for w in loaded]
-        methods.append(Method(TRUE_CLOUD, _model_fill(None, "true", config)))
+        methods += [
+            Method(w.name + RECONSTRUCTED, _cloud_fill(partial(ReconstructedClouds, w.models), config))
+            for w in loaded
+        ]
+        methods.append(Method(TRUE_CLOUD, _cloud_fill(TrueClouds, config)))
     return methods
 
 
@@ -125,20 +131,23 @@ def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
     return fill
 
 
-def _model_fill(models: Any, cloud: Literal["synthesised", "reconstructed", "true"], config: Config):
+def _synthesised(models: Models, motion: Motion) -> CloudSource:
+    """The true motion is not looked at."""
+    return SynthesisedClouds(models)
+
+
+def _cloud_fill(source_of: Callable[[Motion], CloudSource], config: Config, options: FillOptions | None = None):
+    """Fill from the clouds that a source finds; `source_of` is called with each window's true motion."""
     device = choose_device(config.device)
-    options = FillOptions(foot_lock=config.foot_lock) if cloud == "synthesised" else None
 
     def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Made:
         motions, fell_back = [], []
         for window, motion in zip(batch.windows, batch.motions, strict=True):
-            given = without_answers(motion, batch.known) if cloud == "synthesised" else motion
             filled = fill_motion(
                 batch.skeleton,
-                given,
+                without_answers(motion, batch.known),
                 batch.known,
-                models,
-                cloud=cloud,
+                source_of(motion),
                 points=config.points,
                 seed=window_seed(config.seed, window),
                 device=device,

@@ -11,7 +11,7 @@ from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
 from stages.export.config import Config
-from stages.shared.formats.readers import read_recordings, recognise
+from stages.shared.formats.readers import recordings_in
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
@@ -59,10 +59,6 @@ def clips_of(config: Config) -> Iterator[Clip]:
 
 def _of_recording(config: Config) -> Iterator[Clip]:
     source = source_named(config.input)
-    data = source.read()
-    chosen = recognise(data, source.name)
-    if chosen is None:
-        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
     rig, rig_name = rig_named(config.skeleton) if config.skeleton else (b"", "")
     asked = Asked(
@@ -72,7 +68,7 @@ def _of_recording(config: Config) -> Iterator[Clip]:
     stem = PurePosixPath(source.member.replace("\\", "/")).stem
     found = {
         f"{stem}.{recording.part}" if recording.part else stem: recording
-        for recording in read_recordings(data, source, chosen, asked)
+        for recording in recordings_in(source, asked)
     }
     for name in _chosen(list(found), config):
         recording = found[name]

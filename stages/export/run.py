@@ -10,15 +10,12 @@ from stages.export.clips import Clip, clips_of, names_of
 from stages.export.config import Config
 from stages.export.other_rig import bvh_on_rig
 from stages.shared.contract import StageReport
-from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
-from stages.shared.formats.bvh_of_motion import bvh_of_motion
-from stages.shared.formats.figure import places_of
-from stages.shared.formats.gltf_write import glb_of_motion
-from stages.shared.formats.table_write import csv_of_motion, parquet_of_motion
-from stages.shared.humanoid.anatomy import anatomy_of
+from stages.shared.formats.robot_rig import robot_named
+from stages.shared.formats.robot_write import csv_of_rows, notes_of_rows, rows_of_motion
+from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
 from stages.shared.progress import SILENT, Progress
 
-SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parquet": ".parquet"}
+_SUFFIXES = {**SUFFIXES, "robot-csv": ".csv"}
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -36,7 +33,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     for clip in clips_of(config):
         if not into_folder and written:
             raise UsageError(f"{config.input} holds several clips.", "Name one with --clip, or a folder to write to.")
-        path = config.output / f"{clip.name}{SUFFIXES[kind]}" if into_folder else config.output
+        path = config.output / f"{clip.name}{_SUFFIXES[kind]}" if into_folder else config.output
         if path.exists() and not config.overwrite:
             raise UsageError(f"{path} exists.", "Give --overwrite to replace it.")
         data, remarks = _data_of(clip, kind, config)
@@ -60,34 +57,25 @@ def _kind_of(config: Config, into_folder: bool) -> str:
     elif into_folder:
         raise UsageError(f"{config.output} is a folder, so it is not said what to write.", "Give --format.")
     else:
-        by_suffix = {suffix: kind for kind, suffix in SUFFIXES.items()}
-        kind = by_suffix.get(config.output.suffix.lower(), "")
-        if not kind:
-            raise UsageError(
-                f"{config.output.name} has none of the suffixes {', '.join(by_suffix)}.", "Or give --format."
-            )
-    if config.rig is not None and kind != "bvh":
-        raise UsageError(f"--rig is for BVH, and {kind} is to be written.", "Leave it out.")
+        kind = written_format(config.output)
+        if kind == "csv" and (config.rig or "").lower().endswith(".urdf"):
+            kind = "robot-csv"
+    if config.rig is not None and kind not in ("bvh", "robot-csv"):
+        raise UsageError(f"--rig is for BVH and robot-csv, and {kind} is to be written.", "Leave it out.")
+    if config.respect_limits and kind != "robot-csv":
+        raise UsageError(f"--respect-limits is for robot-csv, and {kind} is to be written.", "Leave it out.")
+    if kind == "robot-csv" and not (config.rig or config.skeleton):
+        raise UsageError("It is not said which robot's angles to write.", "Give its URDF: --rig robot.urdf.")
     return kind
 
 
 def _data_of(clip: Clip, kind: str, config: Config) -> tuple[bytes, list[str]]:
     """The file's bytes, and what it does not tell of the clip."""
     skeleton, motion = clip.skeleton, clip.motion
-    if kind == "bvh":
-        if config.rig is not None:
-            return bvh_on_rig(skeleton, motion, config.rig, clip.name)
-        return bvh_of_motion(skeleton, motion, clip.name), []
-    if kind == "glb":
-        first = places_of(skeleton, motion)[:1]
-        rest = anatomy_of(skeleton, first, motion.rotations[:1].astype(float)).rest
-        bind = "first" if rest == "no human pose" else "rest"
-        return glb_of_motion(skeleton, motion, clip.name, bind=bind, licence=clip.licence), []
-    if kind == "amass":
-        data, notes = amass_of_motion(skeleton, motion, clip.licence)
-        if smpl_layout_of(skeleton) is None:
-            notes.insert(0, f"AMASS-like, and not SMPL: surface_model_type is '{NOT_SMPL}'.")
-        return data, notes
-    if kind == "csv":
-        return csv_of_motion(skeleton, motion, config.values), []
-    return parquet_of_motion(skeleton, motion, clip.name, clip.licence), []
+    if kind == "bvh" and config.rig is not None:
+        return bvh_on_rig(skeleton, motion, config.rig, clip.name)
+    if kind == "robot-csv":
+        robot = robot_named(str(config.rig or config.skeleton))
+        rows = rows_of_motion(robot, skeleton, motion, clip.name, limited=config.respect_limits)
+        return csv_of_rows(rows.values), notes_of_rows(robot, rows, limited=config.respect_limits)
+    return bytes_of_motion(kind, skeleton, motion, clip.name, licence=clip.licence, values=config.values)

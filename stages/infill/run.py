@@ -1,24 +1,26 @@
-"""`pumps infill`: a BVH and its keyframes in, the same BVH with the frames between filled out."""
+"""`pumps infill`: a file of rows and its keyframes in, the same file with the frames between filled out."""
 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.infill.config import Config
-from stages.infill.euler_rows import rows_between_keys
 from stages.infill.request import Request, request_of
+from stages.infill.row_files import RowFile, row_file
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
 from stages.shared.contract import StageReport
-from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_motion import motion_of, rate_of
-from stages.shared.formats.bvh_write import write_bvh
-from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
+from stages.shared.formats.skeleton_map import read_skeleton_map
+from stages.shared.formats.sources import source_named
+from stages.shared.formats.writers import bytes_of_motion, written_format
+from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
@@ -26,7 +28,7 @@ from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.progress import SILENT, Progress
 
 
-class _Region(NamedTuple):
+class Region(NamedTuple):
     """The stretch of the output that is filled: from frame `first`, with the keys that matter to it."""
 
     first: int
@@ -36,63 +38,78 @@ class _Region(NamedTuple):
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Fill a BVH. Rows that are neither keys nor outside of them are not read.
+    """Fill a BVH or a robot's joint angles. Rows that are neither keys nor outside of them are not read.
 
     Raises: UsageError for options that contradict each other; InputError for a file, frames or weights that are bad.
     """
     started = time.perf_counter()
     _check_output(config)
-    bvh = _read(config)
-    if config.fps_override is not None and not 0 < config.fps_override < 1e6:
-        raise UsageError(f"--fps-override {config.fps_override} is no frame rate.", "Give frames a second.")
-    request = request_of(config, bvh.frames, config.fps_override or rate_of(bvh.frame_time))
-    key_file = bvh.select(request.key_rows)
-    _check_keys_are_read(bvh, key_file.values, request)
+    file = row_file(source_named(str(config.input)), config)
     progress.start("filling", 3)
-    maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
-    choose_map(maps, [joint.name for joint in bvh.joints], must_fit=bool(maps))
-    skeleton, key_motion, notes = motion_of(key_file, fps_override=config.fps_override, skeleton_maps=maps)
     models = load_weights(config.weights, config.device)
     progress.advance(note="weights")
+    made = fill_file(file, config, models)
+    progress.advance(note="filled")
+    data, losses = _in_format_of(config.output, file, made)
+    write_whole(config.output, data)
+    progress.advance(note="written")
+    return _report(config, made, models, losses, time.perf_counter() - started)
+
+
+@dataclass(frozen=True)
+class FilledFile:
+    """A filled file.
+
+    data:   its bytes; keys and what lies outside of them stand in it as they stood in the input.
+    filled: what was filled, from frame `region.first` on. notes: on the input, one sentence each.
+    """
+
+    data: bytes
+    request: Request
+    region: Region
+    skeleton: Skeleton
+    filled: Filled
+    notes: tuple[str, ...]
+
+
+def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
+    """Fill a file of rows between its keys. Rows that are neither keys nor outside of them are not read.
+
+    Args:
+        config: which frames are keys, and how to fill; its input, output and weights are not looked at.
+
+    Raises: UsageError for options that contradict each other; InputError for bad rows or frames.
+    """
+    if config.fps_override is not None and not 0 < config.fps_override < 1e6:
+        raise UsageError(f"--fps-override {config.fps_override} is no frame rate.", "Give frames a second.")
+    request = request_of(config, file.frames, file.fps)
+    maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
+    skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)
     region = _region_of(request, models.window, key_motion.fps)
     filled = _fill(skeleton, key_motion, region, models, config)
-    progress.advance(note="filled")
-    values = np.zeros((request.frames, key_file.values.shape[1]))
-    made = rows_between_keys(
-        key_file, skeleton, filled.motion, region.keys - region.first, key_file.values[region.of_all]
-    )
-    values[region.first : region.first + region.frames] = made
-    write_whole(config.output, write_bvh(bvh, values, request.kept, request.frames))
-    progress.advance(note="written")
-    return _report(config, request, region, skeleton, filled, models, notes, time.perf_counter() - started)
+    rows = request.key_rows[region.of_all]
+    data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
+    return FilledFile(data, request, region, skeleton, filled, (*notes, *losses))
 
 
 def _check_output(config: Config) -> None:
+    """Raises UsageError for an output that exists, is the input, or has a suffix of no format."""
     if config.output.is_dir():
-        raise UsageError(f"{config.output} is a folder.", "Name the BVH to write.")
+        raise UsageError(f"{config.output} is a folder.", "Name the file to write.")
     if config.output.exists() and not config.overwrite:
         raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it.")
+    written_format(config.output)
 
 
-def _read(config: Config) -> BvhFile:
-    try:
-        data = config.input.read_bytes()
-    except OSError as error:
-        raise InputError(f"{config.input} cannot be read: {error.strerror}.", "Check the path.") from None
-    sparse = config.times is not None or config.frames is not None
-    return read_bvh(data, str(config.input), keep_unreadable_rows=not sparse)
+def _in_format_of(output: Path, file: RowFile, made: FilledFile) -> tuple[bytes, list[str]]:
+    """The filled file as it is, or what `pumps export` makes of it where the output is of another format."""
+    if output.suffix.lower() == file.suffix:
+        return made.data, []
+    skeleton, motion = file.motion_in(made.data)
+    return bytes_of_motion(written_format(output), skeleton, motion, output.stem)
 
 
-def _check_keys_are_read(bvh: BvhFile, key_values: np.ndarray, request: Request) -> None:
-    bad = np.flatnonzero(~np.isfinite(key_values).all(axis=1))
-    if len(bad):
-        raise InputError(
-            f"{bvh.name}: row {request.key_rows[bad[0]]}, a keyframe, does not hold {key_values.shape[1]} numbers.",
-            "Mend the row or leave it out of the keyframes.",
-        )
-
-
-def _region_of(request: Request, window: int, fps: float) -> _Region:
+def _region_of(request: Request, window: int, fps: float) -> Region:
     """Keys further from every missing frame than the models see in one window change nothing: leave them out."""
     reach = int(np.ceil(window * fps / MODEL_FPS))
     missing = request.missing
@@ -103,10 +120,10 @@ def _region_of(request: Request, window: int, fps: float) -> _Region:
     high = min(max(int(np.searchsorted(keys, missing[-1] + reach, side="right")), after + 1), len(keys))
     of_all = np.arange(low, high)
     last = max(int(keys[high - 1]), int(missing[-1]))
-    return _Region(int(keys[low]), last - int(keys[low]) + 1, keys[of_all], of_all)
+    return Region(int(keys[low]), last - int(keys[low]) + 1, keys[of_all], of_all)
 
 
-def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Models, config: Config) -> Filled:
+def _fill(skeleton: Skeleton, key_motion: Motion, region: Region, models: Models, config: Config) -> Filled:
     at = region.keys - region.first
     rotations = np.zeros((region.frames, *key_motion.rotations.shape[1:]), np.float32)
     rotations[..., 3] = 1.0
@@ -118,26 +135,23 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: _Region, models: Model
     known = np.zeros(region.frames, bool)
     known[at] = True
     motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
-    device = models.autoencoder.device
-    options = FillOptions(foot_lock=config.foot_lock)
     return fill_motion(
-        skeleton, motion, known, models, points=config.points, seed=config.seed, device=device, options=options
+        skeleton,
+        motion,
+        known,
+        SynthesisedClouds(models),
+        points=config.points,
+        seed=config.seed,
+        device=models.autoencoder.device,
+        options=FillOptions(foot_lock=config.foot_lock),
     )
 
 
-def _report(
-    config: Config,
-    request: Request,
-    region: _Region,
-    skeleton: Skeleton,
-    filled: Filled,
-    models: Models,
-    notes: list[str],
-    seconds: float,
-) -> StageReport:
+def _report(config: Config, made: FilledFile, models: Models, losses: list[str], seconds: float) -> StageReport:
+    request, region, skeleton, filled = made.request, made.region, made.skeleton, made.filled
     missing = request.missing
     fallbacks = fallbacks_of(skeleton, filled.plain, region.first, missing - region.first)
-    warnings = [*notes, *request.notes, *warnings_of(skeleton, filled, models.longest_gap)]
+    warnings = [*made.notes, *request.notes, *losses, *warnings_of(skeleton, filled, models.longest_gap)]
     frames = filled.jump_frames + region.first
     gap_s = filled.longest_gap_s
     lines = [f"Note: {note}" for note in warnings]

@@ -17,7 +17,7 @@ class Config(ShardedConfig):
         description="Files, folders, globs, zip or tar archives; - for a list of them on standard input."
     )
     output: Path = Field(description="Folder of the motion artefact.")
-    format: Literal["auto", "bvh", "asf", "amass", "deepmimic", "positions", "gltf"] = Field(
+    format: Literal["auto", "bvh", "asf", "amass", "deepmimic", "robot", "positions", "gltf"] = Field(
         "auto", description="Format of the files; auto recognises each by its content."
     )
     splits: Path | None = Field(
@@ -30,7 +30,9 @@ class Config(ShardedConfig):
         "auto", description="Frames to drop at the start: a number, or auto (a calibration pose)."
     )
     skeleton: str | None = Field(
-        None, description="Skeleton of files that hold none: an ASF for AMC, a BVH or a list's name for positions."
+        None,
+        description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
+        " name for positions.",
     )
     skeleton_map: tuple[Path, ...] = Field(
         (),

@@ -14,6 +14,7 @@ _KNOWN = (
     ("bandai-namco*", "CC BY-NC 4.0 (c) Bandai Namco Research Inc."),
     ("bandai*namco*", "CC BY-NC 4.0 (c) Bandai Namco Research Inc."),
     ("cmu*", _CMU),
+    ("g1-moves*", "CC BY 4.0 (c) Experiential Technologies"),
     ("lafan1*", "CC BY-NC-ND 4.0 (c) Ubisoft"),
     ("100style*", "CC BY 4.0 (c) Ian Mason"),
 )

@@ -6,13 +6,15 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from data_schemas.errors import InputError
 from stages.shared.formats.sources import Source
 
 SPLITS_NAME = "splits.json"
+_STRICTEST = ("train", "val", "test")
+_NOTES = (".json", ".txt")  # a file with such a suffix and a recording's name is usually about that recording
 _TEST_SHARE, _VAL_SHARE = 10, 20  # one clip in this many, without a splits file
 
 
@@ -31,7 +33,8 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
     The splits file is the given one, else a `splits.json` beside the archives or in the folder of the recordings:
     {"archive.zip" or folder: {"test": [members], "val": [members]}}. All other members are for training; a data set
     may also have a "licence". A data set that is in no file is split by a hash of its members' names, so that the
-    split does not depend on their order.
+    split does not depend on their order. Files of one name in several formats are assumed to be copies of one
+    recording and get the same split.
 
     Raises: InputError if a splits file is damaged.
     """
@@ -54,6 +57,17 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
         if missing:
             assigned.notes.append(
                 f"{path} names {len(missing)} clips of {data_set} that do not exist, first '{missing[0]}'."
+            )
+    for data_set, members in by_set.items():
+        copies = _copies(members)
+        for names in copies:
+            split = max((assigned.splits[name] for name in names), key=_STRICTEST.index)
+            assigned.splits |= dict.fromkeys(names, split)
+        if copies:
+            first = " and ".join(PurePosixPath(name).name for name in copies[0])
+            assigned.notes.append(
+                f"{len(copies)} recordings of {data_set} seem to exist in several formats, first {first};"
+                " all are read."
             )
     return assigned
 
@@ -91,6 +105,20 @@ def _by_file(members: Sequence[Source], named: dict[str, Any]) -> tuple[dict[str
         if split:
             used.add(source.member)
     return splits, sorted(set(wanted) - used)
+
+
+def _copies(members: Sequence[Source]) -> list[list[str]]:
+    """Sources' names of recordings that are there in several formats, each format once."""
+    by_stem: dict[str, list[Source]] = {}
+    for source in members:
+        if source.suffix in _NOTES:
+            continue
+        by_stem.setdefault(PurePosixPath(source.member).stem.lower(), []).append(source)
+    return [
+        [source.name for source in found]
+        for found in by_stem.values()
+        if len(found) > 1 and len({source.suffix for source in found}) == len(found)
+    ]
 
 
 def _by_hash(members: Sequence[Source]) -> dict[str, str]:

@@ -13,12 +13,16 @@ from stages.shared.contract import DeviceConfig
 class Config(DeviceConfig):
     """Give a motion to another skeleton, of which no pose of the motion is known."""
 
-    input: Path = Field(description="The BVH that moves; of an archive: FILE.zip!MEMBER.")
-    to: Path = Field(
-        description="A BVH of the rig that is to move: its header, and its rest pose or a frame of it. Its joints "
-        "turn freely: limits of poses, such as a robot's hinges, are not kept."
+    input: Path = Field(
+        description="The recording that moves, a BVH or any other that is read; of an archive: FILE.zip!MEMBER."
     )
-    output: Path = Field(description="The BVH to write, with the rig's header.")
+    to: Path = Field(
+        description="The rig that is to move. A BVH of it: its header, and its rest pose or a frame of it; its joints"
+        " turn freely. Or a robot's URDF: its joints turn about their axes."
+    )
+    output: Path = Field(
+        description="The file to write: a BVH with the rig's header; of a robot its joint angles (.csv) or a .bvh."
+    )
     method: Literal["turns", "solve", "network", "both"] = Field(
         "solve",
         description="turns: bones turn as answering bones turn. solve: then hands, feet and what lies between are "
@@ -30,6 +34,12 @@ class Config(DeviceConfig):
     fps_override: float | None = Field(
         None, description="True frames a second, where the file's frame time is wrong."
     )
+    skeleton: str | None = Field(
+        None,
+        description="Skeleton of an input that has none: an ASF for AMC, a URDF for a robot's angles, a BVH or a"
+        " list's name for positions.",
+    )
+    respect_limits: bool = Field(False, description="Keep a robot's angles within the limits that its URDF tells.")
     overwrite: bool = Field(False, description="Replace the output if it exists.")
 
     @model_validator(mode="after")

@@ -1,9 +1,8 @@
-"""`pumps retarget`: a BVH's motion on another rig, named as it likes, built as it likes."""
+"""`pumps retarget`: a motion on another rig, named as it likes, built as it likes."""
 
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -12,10 +11,11 @@ from data_schemas.motion import skeleton_id
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.retarget.config import Config
+from stages.retarget.targets import read_target
 from stages.shared.contract import StageReport
-from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_motion import motion_of, values_of
-from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.readers import recordings_in
+from stages.shared.formats.recording import Asked
+from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import source_named
 from stages.shared.humanoid.retargeting import Retargeted, retarget
 from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
@@ -25,13 +25,13 @@ from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, f
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.progress import SILENT, Progress
-from stages.shared.solve.local_pose import pose_of_motion
+from stages.shared.solve.skeleton_pose import pose_of_motion
 
 STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on average, are worth a warning
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Retarget a BVH.
+    """Retarget a recording.
 
     Raises: UsageError for an output that exists; InputError for files that are no humanoids, and for a rig whose
     rest pose is none and that has no frame of motion either.
@@ -40,18 +40,33 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     if config.output.is_dir() or (config.output.exists() and not config.overwrite):
         raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it, or another name.")
     progress.start("retargeting", 3)
-    source, motion, notes = motion_of(_read(config.input), fps_override=config.fps_override)
-    rig = _read(config.to)
-    target, poses, rig_notes = motion_of(rig)
+    source, motion, notes = _read(config)
+    target = read_target(config)
     progress.advance(note="read")
-    turned = retarget(source, motion, target, poses)
-    made = _moved(config, source, motion, target, turned)
+    made, turned = retargeted(source, motion, target.skeleton, target.poses, config)
     progress.advance(note="moved")
-    rows = values_of(rig, target, made)
-    write_whole(config.output, write_bvh(rig, rows, frame_count=made.frames, frame_time=1 / made.fps))
+    data, losses = target.written(made)
+    write_whole(config.output, data)
     progress.advance(note="written")
-    notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in rig_notes)]
-    return _report(config, source, motion, target, made, turned, notes, time.perf_counter() - started)
+    notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in target.notes)]
+    notes += losses
+    return _report(config, source, motion, target.skeleton, made, turned, notes, time.perf_counter() - started)
+
+
+def retargeted(
+    source: Skeleton, motion: Motion, target: Skeleton, poses: Motion, config: Config
+) -> tuple[Motion, Retargeted]:
+    """A motion on another rig.
+
+    Args:
+        poses: a motion of the target, whose frames are poses that it may start from.
+        config: the method and its settings; its files are not looked at.
+
+    Returns: the target's motion, and how it was found.
+    Raises: InputError for a rig without a pose to start from, or a network of another rig.
+    """
+    turned = retarget(source, motion, target, poses)
+    return _moved(config, source, motion, target, turned), turned
 
 
 def _moved(config: Config, source: Skeleton, motion: Motion, target: Skeleton, turned: Retargeted) -> Motion:
@@ -74,9 +89,15 @@ def _moved(config: Config, source: Skeleton, motion: Motion, target: Skeleton, t
     return decode(network, in_size.astype(np.float32), drawn.groups, motion.fps)
 
 
-def _read(path: Path) -> BvhFile:
-    source = source_named(str(path))
-    return read_bvh(source.read(), source.name)
+def _read(config: Config) -> tuple[Skeleton, Motion, list[str]]:
+    """The motion of the input, with notes on it. Raises InputError where it holds none, or several."""
+    source = source_named(str(config.input))
+    rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
+    asked = Asked(fps_override=config.fps_override, rig=rig, rig_name=rig_name)
+    found = recordings_in(source, asked)
+    if len(found) != 1:
+        raise InputError(f"{source.name} holds {len(found)} clips, and one is put on a rig.", "`pumps export` one.")
+    return found[0].skeleton, found[0].motion, [*found[0].notes, *found[0].remarks]
 
 
 def _report(

@@ -20,7 +20,7 @@ from stages.sample_tpc.run import run as sample
 from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.shared.inference.models import load_autoencoder
 from stages.shared.kinematics.resampling import resample
-from stages.shared.solve.local_pose import pose_of_motion
+from stages.shared.solve.skeleton_pose import pose_of_motion
 from tests.shared.inference.examples import humanoid, swinging, write_random_weights
 
 

@@ -11,7 +11,7 @@ PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob
 
 def blocks(language: str) -> list[tuple[Path, str]]:
     """The fenced blocks of a language, with the page of each."""
-    fence = re.compile(rf"^```{language}\n(.*?)^```", re.M | re.S)
+    fence = re.compile(rf"^ *```{language}\n(.*?)^ *```", re.M | re.S)  # a list's blocks are indented
     return [(page, block) for page in PAGES for block in fence.findall(page.read_text(encoding="utf-8"))]
 
 

@@ -176,14 +176,14 @@ def test_feet_are_held_as_infill_holds_them(motions: Path, tmp_path: Path, monke
     folder, asked = write_random_weights(tmp_path / "mine"), []
     fill = methods.fill_motion
 
-    def watched(*arguments, cloud, options, **others):
-        asked.append((cloud, bool(options and options.foot_lock)))
-        return fill(*arguments, cloud=cloud, options=options, **others)
+    def watched(*arguments, options, **others):
+        asked.append((type(arguments[3]).__name__, bool(options and options.foot_lock)))
+        return fill(*arguments, options=options, **others)
 
     monkeypatch.setattr(methods, "fill_motion", watched)
     only = {"tasks": ("interpolation",), "intervals": (30,), "max_windows": 1, "points": 32, "breakdown": True}
     run(Config(motion=motions, output=tmp_path / "m", weights=(str(folder),), **only))
-    assert set(asked) == {("synthesised", True), ("reconstructed", False), ("true", False)}
+    assert set(asked) == {("SynthesisedClouds", True), ("ReconstructedClouds", False), ("TrueClouds", False)}
 
 
 def test_the_lafan1_protocol_names_its_own_figures(motions: Path, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.figure import places_of
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.glb_reading import read_glb
+from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
 
 TEXT = BvhText(frames=24, orders={"Head": ("Yrotation", "Xrotation", "Zrotation")})
 
@@ -40,7 +41,7 @@ def _expected(path: Path) -> tuple[tuple[str, ...], np.ndarray]:
 
 
 @pytest.mark.parametrize("source", ["walk.bvh", "motion"])
-@pytest.mark.parametrize("kind", SUFFIXES)
+@pytest.mark.parametrize("kind", [kind for kind in SUFFIXES if kind != "robot-csv"])
 def test_every_form_from_a_file_and_from_an_artefact(folder: Path, tmp_path: Path, kind: str, source: str) -> None:
     clip = next(name for name in _clips(folder) if name.endswith("walk")) if source == "motion" else "walk"
     path = tmp_path / f"out{SUFFIXES[kind]}"
@@ -97,7 +98,7 @@ def test_all_clips_into_a_folder(folder: Path, tmp_path: Path) -> None:
     ("settings", "message"),
     [
         ({"output": "out"}, "not said what to write"),
-        ({"output": "out.fbx"}, "none of the suffixes"),
+        ({"output": "out.fbx"}, "suffix that pumps does not write"),
         ({"output": "out.csv", "rig": "walk.bvh"}, "--rig is for BVH"),
         ({"output": "out.glb"}, "several clips"),
         ({"output": "out.glb", "fps_override": 30.0}, "--fps-override is for recordings"),
@@ -145,3 +146,41 @@ def test_a_rig_that_does_not_correspond_is_refused_with_all_reasons(folder: Path
     for part in ("no joint LeftToe", "LeftToes is not in the motion", "the bone to LeftForeArm points elsewhere"):
         assert part in caught.value.message
     assert "pumps retarget" in (caught.value.hint or "") and not (tmp_path / "o.bvh").exists()
+
+
+def test_a_robots_angles_come_back_from_a_recording_and_an_artefact(tmp_path: Path) -> None:
+    rows = some_rows(20)
+    (tmp_path / "a.csv").write_bytes(csv_of(rows))
+    rig = tmp_path / "robot.urdf"
+    rig.write_bytes(RobotText().urdf())
+    ingest(IngestConfig(sources=(str(tmp_path / "a.csv"),), output=tmp_path / "motion", fps_override=("*=60",)))
+    run(Config(input=str(tmp_path / "motion"), output=tmp_path / "b.csv", rig=str(rig)))  # by the rig's suffix
+    given = Config(input=str(tmp_path / "a.csv"), output=tmp_path / "c.csv", format="robot-csv", skeleton=str(rig))
+    report = run(given)
+    assert report.figures["format"] == "robot-csv"
+    for name in ("b.csv", "c.csv"):
+        assert np.abs(np.loadtxt(tmp_path / name, delimiter=",") - rows).max() < 2e-6
+    run(Config(input=str(tmp_path / "motion"), output=tmp_path / "d.csv"))
+    assert (tmp_path / "d.csv").read_text().startswith("frame") or ".x" in (tmp_path / "d.csv").read_text()[:400]
+
+
+def test_limits_are_kept_on_request(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(csv_of(some_rows(20)))
+    (tmp_path / "robot.urdf").write_bytes(RobotText(limits=(-0.1, 0.1)).urdf())
+    options = {"input": str(tmp_path / "a.csv"), "rig": str(tmp_path / "robot.urdf"), "fps_override": 30.0}
+    free = run(Config(output=tmp_path / "b.csv", **options))
+    held = run(Config(output=tmp_path / "c.csv", respect_limits=True, **options))
+    assert "lie beyond" in free.lines[1] and "held at a limit" in held.lines[1]
+    angles = np.loadtxt(tmp_path / "c.csv", delimiter=",")[:, 7:11]
+    assert np.abs(angles).max() <= 0.1 < np.abs(np.loadtxt(tmp_path / "b.csv", delimiter=",")[:, 7:11]).max()
+
+
+def test_options_of_robots_are_for_robots(folder: Path, tmp_path: Path) -> None:
+    walk = str(folder / "walk.bvh")
+    with pytest.raises(UsageError, match="which robot"):
+        run(Config(input=walk, output=tmp_path / "o.csv", format="robot-csv"))
+    with pytest.raises(UsageError, match="--respect-limits"):
+        run(Config(input=walk, output=tmp_path / "o.bvh", respect_limits=True))
+    (tmp_path / "robot.urdf").write_bytes(RobotText().urdf())
+    with pytest.raises(InputError, match="is not on the robot"):
+        run(Config(input=walk, output=tmp_path / "o.csv", rig=str(tmp_path / "robot.urdf")))

@@ -26,6 +26,7 @@ from tests.shared.formats.amass_files import new_layout, npz, old_layout
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.gltf_files import GltfText
+from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
 
 MIX = {
     "bvh/walk.bvh": BvhText(frames=12).data(),
@@ -201,3 +202,20 @@ def test_hostile_names_stay_inside_the_artefact(tmp_path: Path) -> None:
         assert len(clips) == len(names) + 3 == len(set(clips))
         assert all(re.fullmatch(r"[A-Za-z0-9_.-]{1,200}", clip) and clip.strip(".") for clip in clips)
         assert all(reader.motion(clip).frames == 3 for clip in clips)
+
+
+def test_a_recording_in_two_formats_is_on_one_side_of_the_split(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "robots.zip", "w") as archive:
+        archive.writestr("robots/g.urdf", RobotText().urdf())
+        for clip in "abc":
+            archive.writestr(f"robots/csv/{clip}.csv", csv_of(some_rows(8)))
+            archive.writestr(f"robots/{clip}.bvh", BvhText(frames=8).data())
+    splits = tmp_path / "splits.json"
+    splits.write_text('{"robots.zip": {"test": ["robots/b.bvh"], "val": ["robots/csv/c.csv"]}}')
+    report = run(Config(sources=(str(tmp_path / "robots.zip"),), output=tmp_path / "out", splits=splits))
+    assert "3 recordings of robots.zip seem to exist in several formats" in " ".join(report.lines)
+    with MotionReader(tmp_path / "out") as reader:
+        sides: dict[str, set[str]] = {}
+        for row in reader.clips:
+            sides.setdefault(Path(row.source).stem, set()).add(row.split)
+    assert sides == {"a": {"train"}, "b": {"test"}, "c": {"val"}}

@@ -49,6 +49,7 @@ class Pipeline:
         self.data = place / "data"
         self.data.mkdir(parents=True)
         (place / "stages").symlink_to(ROOT / "stages")
+        (place / "docs").symlink_to(ROOT / "docs")
         splits = json.loads((CLIPS / "splits.json").read_text())["clips"]
         train = sorted({path.name for path in CLIPS.glob("*.bvh")} - {*splits["test"], *splits["val"]})
         for name in (*train[:2], splits["val"][0], splits["test"][0]):

@@ -21,6 +21,7 @@ from stages.measure.solve.methods import solve
 from stages.measure.solve.rigs import Rigged
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.inference.cloud_sources import TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.kinematics.forward import positions_of
@@ -67,9 +68,9 @@ def test_solve_on_true_clouds_beats_slerp_by_far(archive: str, step: int):
     made, plain = [], []
     for seed, (skeleton, motion) in enumerate(windows_of(archive)):
         made.append(
-            l2p_m(skeleton, fill_motion(skeleton, motion, known, None, cloud="true", seed=seed).motion, motion)
+            l2p_m(skeleton, fill_motion(skeleton, motion, known, TrueClouds(motion), seed=seed).motion, motion)
         )
-        base = fill_motion(skeleton, motion, known, None, cloud="true", seed=seed, options=slerp)
+        base = fill_motion(skeleton, motion, known, TrueClouds(motion), seed=seed, options=slerp)
         plain.append(l2p_m(skeleton, base.motion, motion))
     assert np.mean(made) < 0.1 * np.mean(plain)
     assert max(a / b for a, b in zip(made, plain, strict=True)) < 0.25
@@ -100,8 +101,8 @@ def test_held_feet_slide_less_and_nothing_pops(archive: str):
     known[::15] = True
     for skeleton, motion in windows_of(archive):
         options = FillOptions(trust=0.0)
-        loose = fill_motion(skeleton, motion, known, None, cloud="true", options=options)
-        locked = fill_motion(skeleton, motion, known, None, cloud="true", options=replace(options, foot_lock=True))
+        loose = fill_motion(skeleton, motion, known, TrueClouds(motion), options=options)
+        locked = fill_motion(skeleton, motion, known, TrueClouds(motion), options=replace(options, foot_lock=True))
         feet, places = find_feet(skeleton), positions_of(skeleton, motion)
         stands = detect_contacts(places, feet, motion.fps)  # while the true feet stand
         slides.append(foot_skate_mps(positions_of(skeleton, loose.motion), stands, feet, motion.fps))

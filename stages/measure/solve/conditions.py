@@ -15,7 +15,7 @@ from stages.measure.solve.config import Config
 from stages.measure.solve.rigs import RIGS, Rigged, with_other_proportions
 from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.shared.solve.following import FollowOptions
-from stages.shared.solve.local_pose import pose_of_motion
+from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.solving import SolveOptions
 
 TRUE = "true cloud"

@@ -16,7 +16,7 @@ from stages.measure.solve.config import Config
 from stages.shared.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network, solve_from_network
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.solve.following import follow_cloud
-from stages.shared.solve.local_pose import pose_of_motion, replace_rows
+from stages.shared.solve.skeleton_pose import pose_of_motion, replace_rows
 
 SLERP, SOLVE = "slerp", "solve"
 

@@ -15,12 +15,14 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import InputError
-from stages.shared.formats.sources import Source, beside
+from stages.shared.formats.sources import Source, above, beside
 
 if TYPE_CHECKING:
     from stages.shared.formats.recording import Asked, Recording
 
 _LOOKED_AT = 8192
+_CSV_QUATERNION = re.compile(rb"(?:\w*[._ ])?(?:q|quat|quaternion|r|rot|rotation|orn|orientation)[._ ]*w")
+_CSV_NUMBER = re.compile(rb"[-+]?[\d.]+(?:e[-+]?\d+)?")
 _CSV_PLACE = re.compile(rb"[^,;\t\n]*[._: -]?[xyz]\"?[,;\t][^,;\t\n]*[._: -]?[xyz]", re.IGNORECASE)
 
 
@@ -71,6 +73,15 @@ def _looks_gltf(start: bytes) -> bool:
     return start.startswith(b"glTF") or (start.lstrip().startswith(b"{") and b'"asset"' in start)
 
 
+def _looks_robot(start: bytes) -> bool:
+    head = start.removeprefix(b"\xef\xbb\xbf").lstrip().replace(b"\r", b"\n").partition(b"\n")[0].lower()
+    cells = [cell.strip().strip(b'"') for cell in re.split(rb"[,;\t]", head)]
+    if any(_CSV_QUATERNION.fullmatch(cell) for cell in cells):
+        return True
+    whole = cells if len(head) < len(start) else cells[:-1]  # the last one may be cut
+    return len(whole) > 7 and all(_CSV_NUMBER.fullmatch(cell) for cell in whole)
+
+
 def _looks_positions(start: bytes) -> bool:
     return start.startswith(b"\x93NUMPY") or _CSV_PLACE.search(start.partition(b"\n")[0]) is not None
 
@@ -103,6 +114,15 @@ FORMATS: tuple[Format, ...] = (
         "humanoid3d clips, 44 numbers per frame",
         "Frames that last unequally long are resampled to a constant rate.",
         shared=True,
+    ),
+    Format(
+        "robot", (".csv",), "stages.shared.formats.robot_csv:read_robot_csv", _looks_robot,
+        "joint angles of a robot on its URDF: the root's place and quaternion (x, y, z, w), then an angle a joint in"
+        " the URDF's order, or in that of a first line of names; the URDF lies in the same folder, in the one above,"
+        " anywhere in the same archive, or is given with `--skeleton`",
+        "Z up, metres, radians. No rate stands in it: 30 is taken (`--fps-override`). Joints that slide are refused."
+        " Meshes are never opened: where feet and hands end comes from solids and fixed links.",
+        shared=True, rig=".urdf",
     ),
     Format(
         "positions", (".npy", ".npz", ".csv"), "stages.shared.formats.positions:read_positions", _looks_positions,
@@ -178,7 +198,7 @@ def rig_beside(source: Source, suffix: str) -> Source | None:
 
     A JSON file must have the recording's name or be called skeleton.json, since it may hold anything.
     """
-    found = beside(source, suffix)
+    found = beside(source, suffix) or (above(source, suffix) if suffix == ".urdf" else [])
     stem = PurePosixPath(source.member).stem.lower()
     stems = {each: PurePosixPath(each.member).stem.lower() for each in found}
     fitting = [each for each in found if stem.startswith(stems[each])]
@@ -187,6 +207,15 @@ def rig_beside(source: Source, suffix: str) -> Source | None:
     elif not fitting and len(found) == 1:
         fitting = found
     return max(fitting, key=lambda each: len(stems[each]) + 1000 * (stems[each] == stem), default=None)
+
+
+def recordings_in(source: Source, asked: Asked) -> list[Recording]:
+    """The clips of a file of any format. Raises InputError naming it where it is not a recording."""
+    data = source.read()
+    chosen = recognise(data, source.name)
+    if chosen is None:
+        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+    return read_recordings(data, source, chosen, asked)
 
 
 def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -> list[Recording]:

@@ -99,6 +99,17 @@ def beside(source: Source, suffix: str) -> list[Source]:
     return list(_on_disk(str(Path(source.name).parent), suffix))
 
 
+def above(source: Source, suffix: str) -> list[Source]:
+    """Files with this suffix in the nearest folder above a recording's that has any; in an archive else anywhere."""
+    if not source.archive:
+        return list(_on_disk(str(Path(os.path.abspath(source.name)).parent.parent), suffix))
+    found = _by_suffix(source.archive, suffix)
+    for folder in PurePosixPath(source.member).parents[1:]:
+        if nearest := [other for other in found if PurePosixPath(other.member).parent == folder]:
+            return nearest
+    return list(found)
+
+
 @lru_cache(maxsize=16)
 def _by_suffix(archive: str, suffix: str) -> tuple[Source, ...]:
     return tuple(source for source in _in_archive(archive) if source.suffix == suffix)

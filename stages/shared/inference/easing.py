@@ -12,12 +12,12 @@ import roma
 import torch
 from torch import Tensor
 
-from stages.shared.solve.local_pose import LocalPose
+from stages.shared.solve.skeleton_pose import SkeletonPose
 
 VELOCITY_S = 1 / 30  # over which the velocity on a key's known side is taken, against the noise of single frames
 
 
-def ease_at_keys(pose: LocalPose, known: np.ndarray, fps: float, span_s: float) -> LocalPose:
+def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: float) -> SkeletonPose:
     """A filled pose without kinks at its keys.
 
     Where the frames before or after a key are known, the gap takes over their velocity; at a lone key both gaps give
@@ -25,29 +25,29 @@ def ease_at_keys(pose: LocalPose, known: np.ndarray, fps: float, span_s: float) 
 
     Args:
         pose: all T frames of a clip. known: (T,) bool; known frames come back value for value.
-        span_s: how long an offset lasts, seconds; in shorter gaps as long as the gap.
+        span_s: how long an offset lasts, seconds; in shorter gaps as long as the gap. 0 changes nothing.
     """
-    if span_s <= 0 or len(known) < 3:
+    if span_s <= 0:
         return pose
     curves = [_turns(pose.local), pose.roots.diff(dim=0)]
     if pose.moves:
         curves.append(pose.offsets.diff(dim=0))
-    offsets = [torch.zeros(len(known), *steps.shape[1:], dtype=steps.dtype, device=steps.device) for steps in curves]
+    added = [torch.zeros(len(known), *steps.shape[1:], dtype=steps.dtype, device=steps.device) for steps in curves]
     behind = max(round(VELOCITY_S * fps), 1)
     for key, side in _gap_edges(known):
         frames = _gap_frames(known, key, side, round(span_s * fps))
         whole = len(_gap_frames(known, key, side, len(known)))
         span = min(round(span_s * fps), whole + 1)
         share = torch.as_tensor(np.abs(frames - key) / span, device=pose.roots.device).float()
-        for steps, offset in zip(curves, offsets, strict=True):
+        for steps, offset in zip(curves, added, strict=True):
             lacking = _velocity(steps, known, key, -side, behind) - _velocity(steps, known, key, side, 1)
             lone = not known[key - side]
             bump = side * span * share * (1 - share) ** 2 * (0.5 if lone else 1.0)
             offset[frames] += bump.view(-1, *[1] * (steps.dim() - 1)) * lacking
-    local = roma.quat_product(pose.local, roma.rotvec_to_unitquat(offsets[0]))
-    keep = torch.as_tensor(known, device=pose.roots.device)
-    local = torch.where(keep[:, None, None], pose.local, local)
-    return LocalPose(local, pose.roots + offsets[1], pose.offsets + offsets[2] if pose.moves else pose.offsets)
+    local = roma.quat_product(pose.local, roma.rotvec_to_unitquat(added[0]))
+    offsets = pose.offsets + added[2] if pose.moves else pose.offsets
+    gaps = np.flatnonzero(~known)
+    return pose.with_rows(gaps, pose.with_local(local, pose.roots + added[1], offsets).rows(gaps))
 
 
 def _turns(local: Tensor) -> Tensor:

@@ -8,11 +8,10 @@ import numpy as np
 import torch
 
 from data_schemas.errors import InputError
-from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.skeleton import Motion
 from stages.shared.inference.foot_lock import standing_feet
 from stages.shared.kinematics.foot_contacts import find_feet, foot_skate_mps
-from stages.shared.kinematics.forward import positions_of
-from stages.shared.solve.local_pose import pose_of_motion
+from stages.shared.solve.skeleton_pose import SkeletonPose
 
 
 @dataclass(frozen=True)
@@ -53,25 +52,57 @@ def nothing_to_fill(motion: Motion) -> Filled:
     return Filled(motion, plain, none.astype(np.int64), none, none, nan, nan, nan, 1 / motion.fps, 0.0)
 
 
+def measured_fill(
+    known: np.ndarray,
+    fps: float,
+    pose: SkeletonPose,
+    plain: np.ndarray,
+    *,
+    loose: SkeletonPose,
+    base: SkeletonPose,
+    wander_m: float,
+) -> Filled:
+    """Measure a fill, and give its pose back as a motion.
+
+    Args:
+        known: (T,) bool. plain: (T, J) bool and wander_m, as `Filled` has them.
+        pose: the filled clip. loose: the same before its feet were held. base: the plain interpolation.
+    """
+    keys = np.flatnonzero(known)
+    jump_frames = keys_at_gaps(known)
+    skate, base_skate, loose_skate = skates(loose, known, fps, pose, base, loose)
+    return Filled(
+        pose.motion(fps),
+        plain,
+        jump_frames,
+        velocity_jumps(pose, jump_frames, fps),
+        velocity_jumps(base, jump_frames, fps),
+        skate,
+        base_skate,
+        loose_skate,
+        float(np.diff(np.concatenate([[0], keys, [len(known) - 1]])).max() / fps),
+        wander_m,
+    )
+
+
 def keys_at_gaps(known: np.ndarray) -> np.ndarray:
     """(K,) known frames, not the first or last, beside one that is not known."""
     return np.flatnonzero(known[1:-1] & ~(known[2:] & known[:-2])) + 1
 
 
-def velocity_jumps(skeleton: Skeleton, motion: Motion, frames: np.ndarray) -> np.ndarray:
+def velocity_jumps(pose: SkeletonPose, frames: np.ndarray, fps: float) -> np.ndarray:
     """(K,) mean over the body's joints of |velocity after - before| at inner frames (K,), metres a second."""
-    rows = motion.at((frames[:, None] + np.array([-1, 0, 1])).ravel())
-    heads, _ = pose_of_motion(skeleton, rows).world(skeleton.parents)
-    heads = heads[:, torch.as_tensor(skeleton.groups >= 0)].unflatten(0, (-1, 3))
+    rows = pose.rows((frames[:, None] + np.array([-1, 0, 1])).ravel()).by_local()
+    heads = rows.heads[:, torch.as_tensor(pose.skeleton.groups >= 0)].unflatten(0, (-1, 3))
     change = heads[:, 2] - 2 * heads[:, 1] + heads[:, 0]
-    return (change.norm(dim=-1).mean(-1) * motion.fps).numpy()
+    return (change.norm(dim=-1).mean(-1) * fps).numpy()
 
 
-def skates(skeleton: Skeleton, standing: Motion, known: np.ndarray, *motions: Motion) -> list[float]:
-    """Foot skate of several motions, metres a second, while the feet of `standing` stand; NaN where none does."""
+def skates(standing: SkeletonPose, known: np.ndarray, fps: float, *poses: SkeletonPose) -> list[float]:
+    """Foot skate of several poses, metres a second, while the feet of `standing` stand; NaN where none does."""
     try:
-        feet = find_feet(skeleton)
+        feet = find_feet(standing.skeleton)
     except InputError:
-        return [float("nan")] * len(motions)
-    contacts = standing_feet(positions_of(skeleton, standing), feet, standing.fps, known)
-    return [foot_skate_mps(positions_of(skeleton, motion), contacts, feet, motion.fps) for motion in motions]
+        return [float("nan")] * len(poses)
+    contacts = standing_feet(standing.heads.numpy(), feet, fps, known)
+    return [foot_skate_mps(pose.heads.numpy(), contacts, feet, fps) for pose in poses]

@@ -9,7 +9,6 @@ which they turn in the keys, so that no knee flips.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +17,6 @@ import torch
 from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
-from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.foot_contacts import (
     HEIGHT_SHARE,
     SPEED_SHARE,
@@ -28,10 +26,9 @@ from stages.shared.kinematics.foot_contacts import (
     find_feet,
     floor_levels,
 )
-from stages.shared.kinematics.forward import global_rotations, positions_of
 from stages.shared.solve.binding import Binding
 from stages.shared.solve.key_prior import turn_prior
-from stages.shared.solve.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows
+from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.smoothing import smooth_corrections
 from stages.shared.solve.solving import SolveOptions, solve_pose
 
@@ -43,34 +40,23 @@ LEG = SolveOptions(point_noise_m=0.005, huber_m=1.0, turn_prior_rad=0.5, shift_p
 STILL_RAD = 1e-4
 
 
-@dataclass(frozen=True)
-class Locked:
-    """A motion whose feet were held, and the contacts (T, F) by which; `Feet` says of which joints."""
-
-    motion: Motion
-    contacts: np.ndarray
-    feet: Feet
-
-
-def lock_feet(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> Locked:
+def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:
     """Hold standing feet in the frames that are not known.
 
     Args:
-        motion: T frames, filled. known: (T,) bool; known frames come back value for value.
+        pose: T frames, filled, `fps` a second. known: (T,) bool; known frames come back value for value.
 
     Raises: InputError where the skeleton has no two legs.
     """
-    feet = find_feet(skeleton)
-    places = positions_of(skeleton, motion)
-    contacts = standing_feet(places, feet, motion.fps, known)
+    feet = find_feet(pose.skeleton)
+    places = pose.heads.numpy()
+    contacts = standing_feet(places, feet, fps, known)
     gaps = np.flatnonzero(~known)
-    shifts = _foot_shifts(places, contacts, feet, known, motion.fps)
+    shifts = _foot_shifts(places, contacts, feet, known, fps)
     if len(gaps) == 0 or not np.any(shifts):
-        return Locked(motion, contacts, feet)
-    pose = pose_of_motion(skeleton, motion.at(gaps))
-    keys = pose_of_motion(skeleton, motion.at(np.flatnonzero(known)))
-    moved = _solved(skeleton, pose, keys, feet, shifts[gaps], motion.track_joints)
-    return Locked(replace_rows(skeleton, motion, moved, gaps), contacts, feet)
+        return pose
+    keys = pose.rows(np.flatnonzero(known))
+    return pose.with_rows(gaps, _with_feet_moved(pose.rows(gaps).by_local(), keys, feet, shifts[gaps]))
 
 
 def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
@@ -166,30 +152,28 @@ def _runs(flags: np.ndarray) -> list[np.ndarray]:
     return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
 
 
-def _solved(
-    skeleton: Skeleton, pose: LocalPose, keys: LocalPose, feet: Feet, shifts: np.ndarray, track_joints: np.ndarray
-) -> LocalPose:
+def _with_feet_moved(pose: SkeletonPose, keys: SkeletonPose, feet: Feet, shifts: np.ndarray) -> SkeletonPose:
     """The pose with the legs turned so that the feet come where they are wanted, the feet's directions kept."""
-    heads, rotations = pose.world(skeleton.parents)
+    skeleton = pose.skeleton
+    heads, rotations = pose.world()
     tops = [next(j for j in chain if j in feet.joints) for chain in feet.chains]
     count = len(tops)
     binding = Binding(torch.tensor(tops), torch.zeros(count, 3), torch.ones(count), torch.zeros(count))
     targets = heads[:, tops] + torch.as_tensor(shifts, dtype=heads.dtype)
     prior = turn_prior(keys.local, LEG.turn_prior_rad)
     prior[skeleton.root] = torch.eye(3) * STILL_RAD**-2
-    found = solve_pose(targets, binding, *pose, skeleton.parents, skeleton.root, LEG, prior)
+    found = solve_pose(targets, binding, *pose.parts, skeleton.parents, skeleton.root, LEG, prior)
     active = torch.as_tensor(np.abs(shifts).sum((1, 2)) > 0)
     turns = torch.where(active[:, None, None], found.turns, torch.zeros_like(found.turns))
     turns[:, skeleton.root] = 0
-    moved = correct_pose(pose, turns, torch.zeros_like(found.shifts), skeleton, track_joints)
-    return LocalPose(_with_feet_kept(skeleton, moved.local, rotations, tops), moved.roots, moved.offsets)
+    moved = pose.corrected(turns, torch.zeros_like(found.shifts))
+    return moved.with_local(_with_feet_kept(moved, rotations, tops), moved.roots, moved.offsets)
 
 
-def _with_feet_kept(skeleton: Skeleton, local: Tensor, rotations: Tensor, tops: list[int]) -> Tensor:
+def _with_feet_kept(pose: SkeletonPose, rotations: Tensor, tops: list[int]) -> Tensor:
     """Local rotations in which the feet have their old directions in the world."""
-    turned = global_rotations(local, skeleton.parents)
-    out = local.clone()
+    out = pose.local.clone()
     for joint in tops:
-        above = turned[:, int(skeleton.parents[joint])]
+        above = pose.rotations[:, int(pose.skeleton.parents[joint])]
         out[:, joint] = roma.quat_product(roma.quat_conjugation(above), rotations[:, joint])
     return out

@@ -20,7 +20,7 @@ from stages.shared.humanoid.retargeting import Retargeted
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.solve.binding import Binding
-from stages.shared.solve.local_pose import correct_pose, pose_of_motion, replace_rows
+from stages.shared.solve.skeleton_pose import pose_of_motion, replace_rows
 from stages.shared.solve.solving import SolveOptions, solve_pose
 
 # The turned bones are a good guess: leave them by little.
@@ -58,8 +58,8 @@ def pull_to_places(
         torch.zeros(points, device=device),
     )
     targets = torch.as_tensor(wanted, dtype=torch.float32, device=device)
-    solved = solve_pose(targets, binding, *pose, target.parents, target.root, options)
-    corrected = correct_pose(pose, solved.turns, solved.shifts, target, turned.motion.track_joints)
+    solved = solve_pose(targets, binding, *pose.parts, target.parents, target.root, options)
+    corrected = pose.corrected(solved.turns, solved.shifts)
     return replace_rows(target, turned.motion, corrected, np.arange(motion.frames))
 
 

@@ -21,7 +21,7 @@ from stages.shared.networks.layers.sizes import EncoderSizes, SkeletonSizes
 from stages.shared.networks.pcmrl.skeleton_network import Seen, SkeletonNetwork
 from stages.shared.pointcloud.rig import Rig, pose_heads
 from stages.shared.solve.binding import bind_points
-from stages.shared.solve.local_pose import correct_pose, pose_of_motion, replace_rows
+from stages.shared.solve.skeleton_pose import pose_of_motion, replace_rows
 from stages.shared.solve.solving import SolveOptions, solve_pose
 
 # The network's pose is right to a few centimetres, and the points have no error of their own.
@@ -125,9 +125,9 @@ def solve_from_network(
     motion = decode_cloud(network, points, groups, fps)
     cloud = torch.as_tensor(points, dtype=torch.float32)
     pose = pose_of_motion(skeleton, motion)
-    binding = bind_points(cloud, torch.as_tensor(np.asarray(groups)), skeleton, *pose.world(skeleton.parents))
-    solved = solve_pose(cloud, binding, *pose, skeleton.parents, skeleton.root, FROM_NETWORK)
-    corrected = correct_pose(pose, solved.turns, solved.shifts, skeleton, motion.track_joints)
+    binding = bind_points(cloud, torch.as_tensor(np.asarray(groups)), skeleton, *pose.world())
+    solved = solve_pose(cloud, binding, *pose.parts, skeleton.parents, skeleton.root, FROM_NETWORK)
+    corrected = pose.corrected(solved.turns, solved.shifts)
     return replace_rows(skeleton, motion, corrected, np.arange(motion.frames))
 
 

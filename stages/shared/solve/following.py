@@ -24,8 +24,8 @@ from stages.shared.kinematics.forward import global_rotations, local_rotations
 from stages.shared.kinematics.plain_interpolation import damped_smoothness, interpolate_values
 from stages.shared.solve.binding import Binding, bind_points
 from stages.shared.solve.key_prior import turn_prior
-from stages.shared.solve.local_pose import LocalPose, correct_pose, pose_of_motion, replace_rows
 from stages.shared.solve.scaling import fit_cloud
+from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion, replace_rows
 from stages.shared.solve.smoothing import smooth_as_needed
 from stages.shared.solve.solving import Corrections, SolveOptions, solve_pose
 
@@ -100,7 +100,7 @@ def follow_cloud(
     times = torch.arange(motion.frames, dtype=torch.float64, device=device)
     at_keys = torch.as_tensor(keys, device=device)
     key_times = times[at_keys]
-    heads, rotations = key_pose.world(skeleton.parents)
+    heads, rotations = key_pose.world()
     scale = 1.0
     if options.scale != 1.0:
         fit = fit_cloud(points[at_keys], groups, skeleton, heads, rotations, scale=options.scale)
@@ -109,12 +109,12 @@ def follow_cloud(
     base = key_pose.at(key_times, times, damped_smoothness(key_times, motion.fps) if len(keys) > 1 else 0.0)
     solve = _fitted_to(options.solve, noise)
     found = solve_pose(
-        points, binding, *base, skeleton.parents, skeleton.root, solve,
+        points, binding, *base.parts, skeleton.parents, skeleton.root, solve,
         turn_prior(key_pose.local, solve.turn_prior_rad),
     )  # fmt: skip
     jitters = float(found.residual.median()) > JITTER_M
-    turns, shifts = _finished(found, base, skeleton, keys, times, options.smooth and jitters)
-    pose = correct_pose(base, turns, shifts, skeleton, motion.track_joints)
+    turns, shifts = _finished(found, base, keys, times, options.smooth and jitters)
+    pose = base.corrected(turns, shifts)
     gaps = np.flatnonzero(~known)
     out = (
         replace_rows(skeleton, motion, pose.rows(torch.as_tensor(gaps, device=device)), gaps) if len(gaps) else motion
@@ -144,15 +144,16 @@ def _fitted_to(options: SolveOptions, noise_m: float) -> SolveOptions:
 
 
 def _finished(
-    found: Corrections, base: LocalPose, skeleton: Skeleton, keys: np.ndarray, times: Tensor, smooth: bool
+    found: Corrections, base: SkeletonPose, keys: np.ndarray, times: Tensor, smooth: bool
 ) -> tuple[Tensor, Tensor]:
     """Corrections smooth in time and zero at the keys, as `solve_pose` gives them.
 
     Rotations are smoothed in the world: a joint's own turn makes up for what its parents' turns have too much, and to
     smooth the one without the other would move all that hangs on both.
     """
-    parents, seen = skeleton.parents, found.seen
-    heads, plain = base.world(parents)
+    skeleton, seen = base.skeleton, found.seen
+    parents = skeleton.parents
+    heads, plain = base.world()
     solved = global_rotations(roma.quat_product(base.local, roma.rotvec_to_unitquat(found.turns)), parents)
     shifts = found.shifts
     if smooth and len(solved) >= LEAST_FRAMES_TO_SMOOTH:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import multiprocessing
 import os
 import threading
@@ -15,15 +14,14 @@ from itertools import islice
 from typing import Any
 
 import torch
-from torch import nn
 
 from data_schemas.errors import PumpsError, UsageError
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.ranks import Ranks
-from stages.shared.training.task import Task, step_random
+from stages.shared.training.task import Drawer, Task, step_random
 
 DRAW = 1  # the purpose of the generators
-_task: Task | None = None  # in a drawing process, the task whose batches it draws
+_drawer: Drawer | None = None  # set in a drawing process
 
 
 def parts_of(config: TrainingConfig, ranks: Ranks, splits: bool) -> list[range]:
@@ -46,7 +44,7 @@ def parts_of(config: TrainingConfig, ranks: Ranks, splits: bool) -> list[range]:
 
 
 def drawn_ahead(
-    task: Task, config: TrainingConfig, parts: list[range], first_step: int
+    task: Task[Any], config: TrainingConfig, parts: list[range], first_step: int
 ) -> Generator[Any, None, None]:
     """The batches of all steps from `first_step` on, part by part. Draws depend on (seed, step, window) only.
 
@@ -54,8 +52,9 @@ def drawn_ahead(
     """
     wanted = ((config.seed, step, part) for step in range(first_step, config.steps) for part in parts)
     ahead: deque[Future[Any]] = deque()
-    with _executor(task, config.workers) as executor:
-        draw: Callable[..., Any] = partial(_draw, task) if config.workers == 0 else _draw_here
+    drawer = task.drawer(elsewhere=config.workers > 0)
+    with _executor(drawer, config.workers) as executor:
+        draw: Callable[..., Any] = partial(_draw, drawer) if config.workers == 0 else _draw_here
         try:
             # Long enough that a process continues drawing during steps that need no new batch.
             depth = max(2, 8 * config.workers)
@@ -72,30 +71,21 @@ def drawn_ahead(
             executor.shutdown(wait=False, cancel_futures=True)
 
 
-def _draw(task: Task, seed: int, step: int, part: range) -> Any:
-    return task.draw(step_random(seed, DRAW, step, part))
+def _draw(drawer: Drawer, seed: int, step: int, part: range) -> Any:
+    return drawer.draw(step_random(seed, DRAW, step, part))
 
 
-def _executor(task: Task, workers: int) -> Executor:
+def _executor(drawer: Drawer, workers: int) -> Executor:
     if workers == 0:
         return ThreadPoolExecutor(1)
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-    return ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(_without_networks(task),))
+    return ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(drawer,))
 
 
-def _without_networks(task: Task) -> Task:
-    """A copy of the task to send to another process, without networks, which drawing does not need."""
-    twin = copy.copy(task)
-    for name, value in list(vars(twin).items()):
-        if isinstance(value, nn.Module):
-            delattr(twin, name)
-    return twin
-
-
-def _begin(task: Task) -> None:
-    global _task
-    _task = task
+def _begin(drawer: Drawer) -> None:
+    global _drawer
+    _drawer = drawer
     torch.set_num_threads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -109,5 +99,5 @@ def _end_with_parent() -> None:
 
 
 def _draw_here(seed: int, step: int, part: range) -> Any:
-    assert _task is not None
-    return _draw(_task, seed, step, part)
+    assert _drawer is not None
+    return _draw(_drawer, seed, step, part)

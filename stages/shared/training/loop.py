@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import PumpsError, UsageError
+from stages.shared.networks.layers.layer_stack import set_checkpointing
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.batches import drawn_ahead, parts_of
 from stages.shared.training.config import TrainingConfig
@@ -65,7 +66,7 @@ def average_decay(config: TrainingConfig, step: int) -> float:
     return min(config.average, (1 + step) / (10 + step))
 
 
-def train(task: Task, config: TrainingConfig, *, progress: Progress) -> Trained:
+def train(task: Task[Any], config: TrainingConfig, *, progress: Progress) -> Trained:
     """Train until the steps are done, or patience or `max_time` runs out; in all processes of the launcher.
 
     Raises:
@@ -90,9 +91,9 @@ def _threads_left(workers: int) -> Iterator[None]:
 
 
 class _Run:
-    def __init__(self, task: Task, config: TrainingConfig, ranks: Ranks, progress: Progress):
+    def __init__(self, task: Task[Any], config: TrainingConfig, ranks: Ranks, progress: Progress):
         self.task, self.config, self.ranks, self.progress = task, config, ranks, progress
-        self.parts = parts_of(config, ranks, getattr(task, "splits", False))
+        self.parts = parts_of(config, ranks, task.splits())
         if config.minutes and ranks.count > 1:
             raise UsageError(
                 "A training that is limited by minutes must run in one process.", "Give steps instead of minutes."
@@ -100,9 +101,7 @@ class _Run:
         self.named = dict(task.networks.named_parameters())
         self.device = next(iter(self.named.values())).device
         self.optimiser = Optimiser(task.networks, config)
-        for module in task.networks.modules():
-            if hasattr(module, "checkpointing"):
-                setattr(module, "checkpointing", config.activation_checkpointing)  # noqa: B010, a plain attribute
+        set_checkpointing(task.networks, config.activation_checkpointing)
         self.unfinished = Unfinished(config)
         self.place = Place()
         self.best_weights: dict[str, Tensor] = {}
@@ -178,7 +177,7 @@ class _Run:
         for part in self.parts:
             batch = next(batches)
             loss, figures = task.loss(batch, step_generator(config.seed, _NETWORK, step, part, self.device))
-            weight = 1.0 if whole else self._weight(batch, part)
+            weight = 1.0 if whole else task.weight(batch, len(part))
             (loss if whole else loss * weight).backward()
             names = ["loss", *figures]
             values = [self._scalar(each) * weight for each in (loss, *figures.values())]
@@ -205,10 +204,6 @@ class _Run:
         if isinstance(value, Tensor):
             return value.detach().float().to(self.device)
         return torch.full((), float(value), device=self.device)
-
-    def _weight(self, batch: Any, part: range) -> float:
-        counts = getattr(self.task, "weight", None)
-        return float(len(part)) if counts is None else counts(batch)
 
     def _seen(self, numbers: dict[str, Tensor]) -> tuple[dict[str, float], bool]:
         """The step's numbers, and whether the time is over. Raises PumpsError if a loss was not a number."""

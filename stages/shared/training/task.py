@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor, nn
 
 from stages.shared.networks.layers.row_generator import RowGenerator, row_generator
 
+Networks = TypeVar("Networks", bound=nn.Module)
 HELD_BACK_SEED = 0  # seed of the validation windows: the same for trainings of all seeds
 
 
@@ -28,28 +30,44 @@ class RowRandom(np.random.Generator):
     numbers: tuple[int, ...]
 
 
-class Task(Protocol):
-    """One training: its networks, its batches, its loss and its validation.
-
-    A task with `splits = True` can draw parts of a batch: its `draw` returns `len(rng.rows)` windows, each from its
-    own generator, and its loss is a mean over windows, or over the number that `weight(batch)` returns (optional).
-    """
-
-    @property
-    def networks(self) -> nn.Module: ...
+class Drawer(Protocol):
+    """Draws the batches of a training. It holds no network; one that works in another process is pickled."""
 
     def draw(self, rng: RowRandom) -> Any:
-        """A batch on the CPU, drawn from `rng` only. Called in another thread, or in another process on a copy
-        without networks."""
+        """A batch of `len(rng.rows)` windows, drawn from `rng` only."""
+        ...
 
+
+class Task(ABC, Generic[Networks]):
+    """One training: its networks, its batches, its loss and its validation."""
+
+    networks: Networks
+
+    @abstractmethod
+    def drawer(self, *, elsewhere: bool = False) -> Drawer:
+        """The object that draws batches, in a thread of this process or, with `elsewhere`, in other processes."""
+
+    @abstractmethod
     def loss(self, batch: Any, generator: RowGenerator) -> tuple[Tensor, dict[str, Any]]:
         """The loss, a scalar tensor, and numbers (or scalar tensors) to log; `generator` is for draws inside the
         networks."""
-        ...
 
+    @abstractmethod
     def validate(self) -> dict[str, float]:
         """Scores on fixed validation windows; the first one selects the best weights (less is better)."""
-        ...
+
+    def splits(self) -> bool:
+        """Whether a batch may be split into parts. Each window must then be drawn from its own generator, and the
+        loss must be a mean over windows, or over the number that `weight` returns."""
+        return False
+
+    def weight(self, batch: Any, rows: int) -> float:
+        """Weight of a part of `rows` windows in the whole batch's loss."""
+        return float(rows)
+
+    def draw(self, rng: RowRandom) -> Any:
+        """A batch drawn in this process."""
+        return self.drawer().draw(rng)
 
 
 def step_seed(seed: int, purpose: int, step: int) -> np.random.Generator:

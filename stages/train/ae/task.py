@@ -16,7 +16,7 @@ from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.pointcloud.assignment import paired_difference
 from stages.shared.pointcloud.reconstruction import distances, nearest_differences, spread_ratios
-from stages.shared.training.task import HELD_BACK_SEED, RowRandom
+from stages.shared.training.task import HELD_BACK_SEED, RowRandom, Task
 from stages.shared.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 from stages.train.ae.config import Config
 
@@ -51,18 +51,11 @@ class Reconstruction(NamedTuple):
     divergence: Tensor
 
 
-class AutoencoderTask:
-    """A `Task` of the training loop."""
+class CloudDrawer:
+    """Draws windows and the clouds on them."""
 
-    splits = True
-
-    def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
-        self.config, self.pool, self.device = config, pool, device
-        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
-        self.networks = Autoencoder(config).to(device)
-        rng = np.random.default_rng((HELD_BACK_SEED, 7))
-        windows = held_back.draw(32, config.window, rng, augment=False)
-        self.held_back = self._clouds(windows, rng, augment=False, copies=2)
+    def __init__(self, config: Config, pool: WindowPool):
+        self.config, self.pool = config, pool
 
     def draw(self, rng: RowRandom) -> CloudBatch:
         config = self.config
@@ -70,9 +63,9 @@ class AutoencoderTask:
             len(rng.rows), config.window, rng, augment=config.augment, proportions=config.proportions
         )
         even = math.floor((rng.step + 1) * config.even_share) > math.floor(rng.step * config.even_share)
-        return self._clouds(windows, rng, augment=config.augment, even=even)[0]
+        return self.clouds(windows, rng, augment=config.augment, even=even)[0]
 
-    def _clouds(
+    def clouds(
         self, windows: Windows, rng: np.random.Generator, *, augment: bool, copies: int = 1, even: bool = False
     ) -> list[CloudBatch]:
         """Clouds of the windows; further copies are other draws of points with the same groups, placed alike."""
@@ -86,6 +79,25 @@ class AutoencoderTask:
             batches.append(CloudBatch(points, cloud.groups, windows.valid))
             cloud = cloud.redrawn(windows, rng)
         return batches
+
+
+class AutoencoderTask(Task[Autoencoder]):
+    """Training the encoder and decoder together."""
+
+    def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
+        self.config, self.device = config, device
+        self._drawer = CloudDrawer(config, pool)
+        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
+        self.networks = Autoencoder(config).to(device)
+        rng = np.random.default_rng((HELD_BACK_SEED, 7))
+        windows = held_back.draw(32, config.window, rng, augment=False)
+        self.held_back = self._drawer.clouds(windows, rng, augment=False, copies=2)
+
+    def drawer(self, *, elsewhere: bool = False) -> CloudDrawer:
+        return self._drawer
+
+    def splits(self) -> bool:
+        return True
 
     def _reconstruct(self, batch: CloudBatch, seed: torch.Generator) -> Reconstruction:
         points, groups, valid = (onto(part, self.device) for part in (batch.points, batch.groups, batch.valid))

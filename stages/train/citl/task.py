@@ -16,7 +16,7 @@ from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
 from stages.shared.training.masks import draw_keys
-from stages.shared.training.task import HELD_BACK_SEED, RowRandom, step_seed
+from stages.shared.training.task import HELD_BACK_SEED, RowRandom, Task, step_seed
 from stages.shared.training.windows import WindowPool, Windows
 from stages.train.citl.config import Config
 
@@ -39,22 +39,18 @@ class PoseBatch:
         )
 
 
-class InterpolatorTask:
-    """A `Task` of the training loop."""
+def pose_batch(windows: Windows, known: Tensor) -> PoseBatch:
+    """Windows with the plain interpolation of their known frames (B, T)."""
+    base = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=MODEL_FPS)
+    truth = PoseWindows(windows.heads, windows.rotations, windows.tails)
+    return PoseBatch(truth, PoseWindows(*base, windows.tails), known, windows.valid)
 
-    splits = True
 
-    def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
-        self.config, self.pool, self.device = config, pool, device
-        self.parents, self.groups = one_hierarchy(pool)
-        one_hierarchy(held_back)
-        torch.manual_seed(config.seed)
-        self.networks = PoseInterpolator(self.parents.tolist(), self.groups.tolist(), config.network).to(device)
-        self.held_back = list(self._validation(held_back))
+class PoseDrawer:
+    """Draws windows of poses and which of their frames are known. parents (J,) of all windows' bones."""
 
-    def weight(self, batch: PoseBatch) -> float:
-        """The loss is a mean over missing frames."""
-        return float((batch.valid & ~batch.known).sum())
+    def __init__(self, config: Config, pool: WindowPool, parents: np.ndarray):
+        self.config, self.pool, self.parents = config, pool, parents
 
     def draw(self, rng: RowRandom) -> PoseBatch:
         config = self.config
@@ -65,7 +61,7 @@ class InterpolatorTask:
         lengths = windows.valid.sum(1).tolist()
         for row, (length, own) in enumerate(zip(lengths, rng.rows, strict=True)):
             known[row, torch.from_numpy(draw_keys(length, own))] = True
-        return self._batch(windows, known)
+        return pose_batch(windows, known)
 
     def _on_other_rest_poses(self, windows: Windows, rng: RowRandom) -> Windows:
         """Half of the windows on a random rest pose each (PC-MRL 3.4); the others stay what they are."""
@@ -87,6 +83,29 @@ class InterpolatorTask:
             tails=torch.where(gate, tails, windows.tails),
         )
 
+
+class InterpolatorTask(Task[PoseInterpolator]):
+    """Training the interpolator of one skeleton's poses."""
+
+    def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
+        self.config, self.device = config, device
+        self.parents, self.groups = one_hierarchy(pool)
+        self._drawer = PoseDrawer(config, pool, self.parents)
+        one_hierarchy(held_back)
+        torch.manual_seed(config.seed)
+        self.networks = PoseInterpolator(self.parents.tolist(), self.groups.tolist(), config.network).to(device)
+        self.held_back = list(self._validation(held_back))
+
+    def drawer(self, *, elsewhere: bool = False) -> PoseDrawer:
+        return self._drawer
+
+    def splits(self) -> bool:
+        return True
+
+    def weight(self, batch: PoseBatch, rows: int) -> float:
+        """The loss is a mean over missing frames."""
+        return float((batch.valid & ~batch.known).sum())
+
     def _validation(self, pool: WindowPool):
         """The same held-back windows with keys every 5, 15 and 30 frames."""
         config = self.config
@@ -94,12 +113,7 @@ class InterpolatorTask:
         frames = torch.arange(config.window)
         last = windows.valid.sum(1, keepdim=True) - 1
         for every in (5, 15, 30):
-            yield str(every), self._batch(windows, ((frames % every == 0) | (frames == last)) & windows.valid)
-
-    def _batch(self, windows: Windows, known: Tensor) -> PoseBatch:
-        base = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=MODEL_FPS)
-        truth = PoseWindows(windows.heads, windows.rotations, windows.tails)
-        return PoseBatch(truth, PoseWindows(*base, windows.tails), known, windows.valid)
+            yield str(every), pose_batch(windows, ((frames % every == 0) | (frames == last)) & windows.valid)
 
     def _made(self, batch: PoseBatch) -> PoseWindows:
         times = torch.arange(float(batch.known.shape[1]), device=self.device).unsqueeze(0)

@@ -18,7 +18,7 @@ from stages.shared.networks.pcmrl.skeleton_losses import end_bones, end_effector
 from stages.shared.networks.pcmrl.skeleton_network import OwnPoints, Pose, SkeletonNetwork, draw_own_points
 from stages.shared.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
 from stages.shared.pointcloud.rig import Rig
-from stages.shared.training.task import RowRandom, rows_of
+from stages.shared.training.task import RowRandom, Task, rows_of
 from stages.shared.training.windows import CloudMap, Windows, clouds_of, draw_clouds, known_centre
 from stages.train.skeleton.config import Config
 from stages.train.skeleton.sources import MixedPool
@@ -41,25 +41,14 @@ class SourceBatch:
     has_end: Tensor
 
 
-class SkeletonTask:
-    """A `Task` of the training loop."""
+class SourceDrawer:
+    """Draws windows of the sources, and the clouds on them."""
 
-    splits = True
+    def __init__(self, config: Config, pool: MixedPool):
+        self.config, self.pool = config, pool
 
-    def __init__(self, config: Config, rig: Rig, pool: MixedPool, held_back: MixedPool, device: torch.device):
-        self.config, self.rig, self.pool, self.device = config, rig, pool, device
-        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
-        self.networks = SkeletonNetwork(rig.body, config.encoder, config.network).to(device)
-        body = rig.body
-        self.ends = end_bones(body.parents, body.groups.numpy(), body.tails.numpy(), body.weights.numpy())
-        rng = np.random.default_rng((config.seed, 7))
-        windows = held_back.draw(_HELD_BACK, config.window, rng, augment=False)
-        self.own = is_of_rig(windows, rig)
-        cloud = draw_clouds(windows, self._drawn(), (_SIGMA_M, _SIGMA_M), rng, augment=False)
-        self.held_back = self._batch(windows, cloud)
-        self.redrawn = self._batch(windows, cloud.redrawn(windows, rng))
-
-    def _drawn(self) -> int:
+    @property
+    def drawn_points(self) -> int:
         """Points of a source's cloud: what the network sees are the first of them."""
         return max(self.config.points, self.config.loss_points)
 
@@ -68,14 +57,14 @@ class SkeletonTask:
         batch = len(rng.rows)
         windows = self.pool.draw(batch, config.window, rng, augment=config.augment, proportions=config.proportions)
         sigma = (config.sigma_min_m, config.sigma_max_m)
-        cloud = draw_clouds(windows, self._drawn(), sigma, rng, augment=config.augment)
+        cloud = draw_clouds(windows, self.drawn_points, sigma, rng, augment=config.augment)
         if config.augment:
             low, high = np.log(config.size_min), np.log(config.size_max)
             size = np.exp([row.uniform(low, high) for row in rows_of(rng, batch)])
             cloud = resized(cloud, torch.from_numpy(size).float())
-        return self._batch(windows, cloud)
+        return self.batch(windows, cloud)
 
-    def _batch(self, windows: Windows, cloud: CloudMap) -> SourceBatch:
+    def batch(self, windows: Windows, cloud: CloudMap) -> SourceBatch:
         centre = known_centre(windows.heads, windows.valid)
         points = clouds_of(windows.heads, windows.rotations, cloud, centre)
         heads = (windows.heads - centre) @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
@@ -91,6 +80,30 @@ class SkeletonTask:
         return SourceBatch(
             points, cloud.groups, sigma, windows.valid, heads, torch.gather(heads, 2, index), ends >= 0
         )
+
+
+class SkeletonTask(Task[SkeletonNetwork]):
+    """Training one rig's network."""
+
+    def __init__(self, config: Config, rig: Rig, pool: MixedPool, held_back: MixedPool, device: torch.device):
+        self.config, self.rig, self.device = config, rig, device
+        self._drawer = SourceDrawer(config, pool)
+        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
+        self.networks = SkeletonNetwork(rig.body, config.encoder, config.network).to(device)
+        body = rig.body
+        self.ends = end_bones(body.parents, body.groups.numpy(), body.tails.numpy(), body.weights.numpy())
+        rng = np.random.default_rng((config.seed, 7))
+        windows = held_back.draw(_HELD_BACK, config.window, rng, augment=False)
+        self.own = is_of_rig(windows, rig)
+        cloud = draw_clouds(windows, self._drawer.drawn_points, (_SIGMA_M, _SIGMA_M), rng, augment=False)
+        self.held_back = self._drawer.batch(windows, cloud)
+        self.redrawn = self._drawer.batch(windows, cloud.redrawn(windows, rng))
+
+    def drawer(self, *, elsewhere: bool = False) -> SourceDrawer:
+        return self._drawer
+
+    def splits(self) -> bool:
+        return True
 
     def _pose(self, batch: SourceBatch) -> Pose:
         points, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
@@ -110,7 +123,15 @@ class SkeletonTask:
             terms["roll"] = roll_loss(pose.rotations, body, valid)
         if config.end_weight:
             terms["end"] = self._end_distance(batch, pose)
-        weights = {name: getattr(config, f"{name}_weight") for name in terms}
+        weights = {
+            "knn": config.knn_weight,
+            "back": config.back_weight,
+            "velocity": config.velocity_weight,
+            "shape": config.shape_weight,
+            "unit": config.unit_weight,
+            "roll": config.roll_weight,
+            "end": config.end_weight,
+        }
         loss = torch.stack([weights[name] * value for name, value in terms.items()]).sum()
         return loss, {name: value.detach() for name, value in terms.items()}
 

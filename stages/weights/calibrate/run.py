@@ -12,9 +12,9 @@ import torch
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
-from data_schemas.skeleton import Motion
+from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.contract import StageReport
-from stages.shared.inference.clouds import Scene
+from stages.shared.inference.cloud_sources import Scene, SynthesisedClouds
 from stages.shared.inference.confidence import (
     SHAPE,
     Confidence,
@@ -22,13 +22,13 @@ from stages.shared.inference.confidence import (
     part_joints,
     write_confidence,
 )
-from stages.shared.inference.filling import FillOptions, Solved, believed_shares, solve_clip
+from stages.shared.inference.filling import FillOptions, believed_shares, find_clouds, solve_clouds, start_from
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample
 from stages.shared.progress import SILENT, Progress
-from stages.shared.solve.local_pose import LocalPose, correct_pose, pose_of_motion
+from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solving import Corrections
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
@@ -61,11 +61,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         for reader, archive, task, window in plan:
             row = reader.row(window.clip)
             motion = resample(reader.motion(row.clip), MODEL_FPS).at(window.span)
-            solved = solve_clip(
-                reader.skeleton(row.skeleton), motion, task.known(window.frames), models,
-                points=config.points, seed=config.seed, device=models.autoencoder.device,
-            )  # fmt: skip
-            _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), solved, motion)
+            scene, made = _solved(config, models, reader.skeleton(row.skeleton), motion, task.known(window.frames))
+            _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), scene, made, motion)
             progress.advance(1, row.clip)
     trust = trust_fit(archives, config.prior_windows)
     gains = {name: _gains(archives, shrunk, name, config) for name in archives}
@@ -89,10 +86,20 @@ def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Win
                 yield archive, task, window
 
 
-def _add(sums: Sums, shrunk: Sums, solved: Solved, motion: Motion) -> None:
+def _solved(
+    config: Config, models: Models, skeleton: Skeleton, motion: Motion, known: np.ndarray
+) -> tuple[Scene, Corrections]:
+    """What filling finds before it decides how much of it to believe."""
+    source, options = SynthesisedClouds(models), FillOptions()
+    start = start_from(skeleton, motion, known, source, device=models.autoencoder.device, options=options)
+    with torch.no_grad():
+        clouds = find_clouds(start, source, points=config.points, seed=config.seed, options=options)
+        return start.scene, solve_clouds(start, clouds, options.solve)
+
+
+def _add(sums: Sums, shrunk: Sums, scene: Scene, made: Corrections, motion: Motion) -> None:
     """Compare what a filled window's corrections do with what would have met the truth; `shrunk` gets the same of
     corrections shrunk by the fixed floors."""
-    scene, made = solved.scene, solved.corrections
     skeleton, tokens = scene.skeleton, scene.tokens
     frames = torch.arange(motion.frames, device=scene.device).double()
     truth = pose_of_motion(skeleton, motion, scene.device).at(frames, scene.times)
@@ -105,11 +112,11 @@ def _add(sums: Sums, shrunk: Sums, solved: Solved, motion: Motion) -> None:
                 into.add(sizes.length_bin, sizes.size_bins.tolist(), sizes.depth, changes[:, gap], wanted[gap])
 
 
-def _change(scene: Scene, pose: LocalPose) -> np.ndarray:
+def _change(scene: Scene, pose: SkeletonPose) -> np.ndarray:
     """(N, C) how a pose differs from the base: places of the body's joints, metres, and angles at `ANGLE_M`."""
     skeleton, base = scene.skeleton, scene.base
     body = torch.as_tensor(skeleton.groups >= 0, device=scene.device)
-    places = pose.world(skeleton.parents)[0][:, body] - base.world(skeleton.parents)[0][:, body]
+    places = pose.heads[:, body] - base.heads[:, body]
     turns = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(base.local), pose.local))[:, body]
     return torch.cat([places.flatten(1), ANGLE_M * turns.flatten(1)], -1).cpu().numpy()
 
@@ -123,8 +130,7 @@ def _changes_by_part(scene: Scene, made: Corrections) -> np.ndarray:
             shifts = made.shifts
         else:
             turns[:, joints] = made.turns[:, joints]
-        pose = correct_pose(scene.base, turns, shifts, skeleton, scene.motion.track_joints)
-        found.append(_change(scene, pose))
+        found.append(_change(scene, scene.base.corrected(turns, shifts)))
     return np.stack(found)
 
 

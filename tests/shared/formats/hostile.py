@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from stages.shared.formats.robot_table import ROOT_COLUMNS
 from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.gltf_files import GltfText
+from tests.shared.formats.robot_files import ANGLES, RobotText, csv_of, some_rows
 
 WORDS = [
     b"nan", b"inf", b"-inf", b"1e308", b"1e-400", b"99999999999999999999", b"-1", b"0", b"\0", b"\xff", b"\r", b"\n",
@@ -30,6 +32,10 @@ OWN_WORDS = {
     "asf": b"root|lfemur|:DEGREES|:RADIANS|:SAMPLES-PER-SECOND 0|#|1\n|rhand 1 2\n".split(b"|"),
     "asf-skeleton": b"begin|end|:root|:bonedata|:hierarchy|dof rx|axis|length|name|root".split(b"|"),
     "deepmimic": b'"Frames"|"Loop"|[[|]]|0.0333'.split(b"|"),
+    "robot": b',,|;|0.5,|1,0,0,0|\n\n|"|root_x'.split(b"|"),
+    "urdf": b"<link|<joint|</robot>|<!DOCTYPE r []>|&amp;|&x;|type='fixed'|xyz='0 0 nan'|<mimic joint='a'/>|'".split(
+        b"|"
+    ),
     "positions": b',,|;|time|Hips.x|.y|\n\n|"'.split(b"|"),
 }
 VALUES: list[Any] = [
@@ -189,6 +195,14 @@ def a_scene() -> tuple[dict, bytes]:
     return json.loads(data[20 : 20 + length]), data[20 + length :]
 
 
+def _robot(rng: np.random.Generator) -> tuple[bytes, bytes]:
+    rows = some_rows(3)
+    named = ",".join([*ROOT_COLUMNS, *ANGLES]) if rng.random() < 0.5 else ""
+    if rng.random() < 0.5:
+        return mutated(csv_of(rows, named), rng, WORDS + OWN_WORDS["robot"] * 2), RobotText().urdf()
+    return csv_of(rows, named), mutated(RobotText().urdf(), rng, WORDS + OWN_WORDS["urdf"] * 2)
+
+
 def _gltf(rng: np.random.Generator) -> tuple[bytes, bytes]:
     scene, rest = a_scene()
     if rng.random() < 0.3:
@@ -231,6 +245,7 @@ TARGETS = {
     "amass": Target("amass", "fuzz.npz", _amass),
     "deepmimic": Target("deepmimic", "fuzz.json", lambda rng: _text("deepmimic", [_deepmimic()])(rng)),
     "positions": Target("positions", "fuzz.csv", _positions),
+    "robot": Target("robot", "fuzz.csv", _robot),
     "gltf": Target("gltf", "fuzz.glb", _gltf),
 }  # fmt: skip
 

@@ -20,6 +20,7 @@ from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.hostile import a_glb, a_scene
+from tests.shared.formats.robot_files import ANGLES, RobotText, csv_of, some_rows
 from tests.shared.formats.test_positions import _npy
 
 _FREE_BYTES, _TIMES_SIZE = 64 << 20, 10
@@ -48,6 +49,15 @@ def _bones(count: int) -> bytes:
     bone = b"begin\nname b%d\ndirection 1 0 0\nlength 1\nend\n"
     chain = b"".join(b"b%d b%d\n" % (i, i + 1) for i in range(count - 1))
     return b":bonedata\n" + b"".join(bone % i for i in range(count)) + b":hierarchy\nroot b0\n" + chain
+
+
+def _robot_joints(count: int, *, chained: bool) -> bytes:
+    joint = (
+        "<joint name='j{0}' type='revolute'><origin xyz='0 0.1 {0}e-3'/><parent link='l{1}'/>"
+        "<child link='l{0}'/></joint><link name='l{0}'/>"
+    )
+    joints = "".join(joint.format(i + 1, i if chained else 0) for i in range(count))
+    return f"<robot name='r'><link name='l0'/>{joints}</robot>".encode()
 
 
 def _scene(change: Callable[[dict], None]) -> bytes:
@@ -113,6 +123,18 @@ SAMPLES: dict[str, tuple[str, Callable[[], bytes], bytes]] = {
         "positions", lambda: npz(positions=_RNG.normal(size=(9, 4000, 3)), parents=_CHAIN, names=_CHAIN.astype("U9")),
         b"",
     ),
+    "robot: rows": ("robot", lambda: (b"0,0,1,0,0,0,1" + b",0" * len(ANGLES) + b"\n") * 20_000, RobotText().urdf()),
+    "robot: rows of the same": ("robot", lambda: b"0,0,1,0,0,0,1\n" * 50_000, RobotText().urdf()),
+    "robot: empty rows": ("robot", lambda: b"0,0,1,0,0,0,1\n" + b"\n" * 500_000 + b"1", RobotText().urdf()),
+    "robot: columns": ("robot", lambda: b"0," * 300_000, RobotText().urdf()),
+    "robot: names": ("robot", lambda: b",".join(b"j%d" % i for i in range(15_000)), RobotText().urdf()),
+    "robot: joints in a line": ("robot", lambda: csv_of(some_rows(2, 1500)), _robot_joints(1500, chained=True)),
+    "robot: joints side by side": ("robot", lambda: csv_of(some_rows(2, 4000)), _robot_joints(4000, chained=False)),
+    "robot: elements": ("robot", lambda: csv_of(some_rows(2)), b"<robot>" + b"<a/>" * 300_000 + b"</robot>"),
+    "robot: attributes": (
+        "robot", lambda: csv_of(some_rows(2)), b"<robot " + b" ".join(b"a%d='1'" % i for i in range(90_000)) + b"/>",
+    ),
+    "robot: text": ("robot", lambda: csv_of(some_rows(2)), b"<robot>" + b"x" * 3_000_000 + b"</robot>"),
     "gltf: objects": ("gltf", lambda: b'{"asset":{"version":"2.0"},"nodes":[' + b"{}," * 300_000 + b"{}]}", b""),
     "gltf: nodes": ("gltf", lambda: _scene(lambda s: s["nodes"].extend([{"name": "n"}] * 10_000)), b""),
     "gltf: nodes in a line": ("gltf", lambda: _scene(_nodes_in_a_line), b""),

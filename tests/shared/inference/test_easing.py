@@ -7,17 +7,22 @@ import pytest
 import roma
 import torch
 
+from data_schemas.skeleton import Skeleton
 from stages.shared.inference.easing import ease_at_keys
-from stages.shared.solve.local_pose import LocalPose
+from stages.shared.solve.skeleton_pose import SkeletonPose
 
 
-def pose_of(roots: np.ndarray, angles: np.ndarray) -> LocalPose:
+def pose_of(roots: np.ndarray, angles: np.ndarray) -> SkeletonPose:
     turns = torch.as_tensor(angles, dtype=torch.float32)[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
-    zeros = torch.zeros(len(roots), 1, 3)
-    return LocalPose(roma.rotvec_to_unitquat(turns), torch.as_tensor(roots, dtype=torch.float32), zeros[0])
+    bone = np.zeros((1, 3))
+    skeleton = Skeleton(("root",), np.array([-1]), bone, bone, np.zeros(1, np.int8), np.ones(1, bool), root=0)
+    places = torch.as_tensor(roots, dtype=torch.float32)
+    return SkeletonPose(
+        skeleton, roma.rotvec_to_unitquat(turns), False, places, torch.zeros(1, 3), np.zeros(0, np.int32)
+    )
 
 
-def angles_of(pose: LocalPose) -> np.ndarray:
+def angles_of(pose: SkeletonPose) -> np.ndarray:
     return roma.unitquat_to_rotvec(pose.local)[:, 0, 2].numpy()
 
 

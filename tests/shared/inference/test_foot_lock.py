@@ -19,7 +19,7 @@ from stages.shared.inference.foot_lock import LOOSE, SMOOTH_S, _smooth, lock_fee
 from stages.shared.kinematics.foot_contacts import find_feet
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.plain_interpolation import damped_smoothness
-from stages.shared.solve.local_pose import pose_of_motion, replace_rows
+from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion, replace_rows
 from tests.shared.inference.test_filling import keys_every
 
 CLIPS = Path(__file__).resolve().parents[3] / "stages" / "shared" / "clips"
@@ -38,27 +38,32 @@ def interpolated(name: str, step: int) -> tuple[Skeleton, Motion, Motion, np.nda
     return skeleton, motion, replace_rows(skeleton, motion, between, gaps), known
 
 
+def locked_motion(skeleton: Skeleton, filled: Motion, known: np.ndarray) -> Motion:
+    return lock_feet(SkeletonPose.of_motion(skeleton, filled), known, filled.fps).motion(filled.fps)
+
+
 @pytest.mark.parametrize(
     ("name", "step"), [("walk", 15), ("walk", 10), ("dance_a", 15), ("crawl", 15), ("punch", 20)]
 )
 def test_feet_slide_less_and_keys_stay(name: str, step: int):
     skeleton, _, filled, known = interpolated(name, step)
-    locked = lock_feet(skeleton, filled, known)
-    before, after = skates(skeleton, filled, known, filled, locked.motion)
+    locked = locked_motion(skeleton, filled, known)
+    loose, held = (SkeletonPose.of_motion(skeleton, motion) for motion in (filled, locked))
+    before, after = skates(loose, known, filled.fps, loose, held)
     assert after < 0.7 * before
     for field in ("rotations", "root_positions", "tracks"):
-        ours, theirs = getattr(locked.motion, field), getattr(filled, field)
+        ours, theirs = getattr(locked, field), getattr(filled, field)
         assert ours[known].tobytes() == theirs[known].tobytes()
     # Only legs move.
     legs = np.isin(skeleton.groups, (3, 4))
-    upper = positions_of(skeleton, locked.motion)[:, ~legs] - positions_of(skeleton, filled)[:, ~legs]
+    upper = positions_of(skeleton, locked)[:, ~legs] - positions_of(skeleton, filled)[:, ~legs]
     assert np.abs(upper).max() < 2e-3
 
 
 @pytest.mark.parametrize("name", ["walk", "dance_a"])
 def test_knees_do_not_flip_and_nothing_pops(name: str):
     skeleton, truth, filled, known = interpolated(name, 15)
-    locked = lock_feet(skeleton, filled, known).motion
+    locked = locked_motion(skeleton, filled, known)
     feet = find_feet(skeleton)
 
     knees = [chain[1] for chain in feet.chains]
@@ -92,7 +97,8 @@ def test_a_foot_that_slides_between_two_keys_in_one_place_is_found():
 
 def test_nothing_hidden_nothing_changed():
     skeleton, motion, _, _ = interpolated("walk", 15)
-    assert lock_feet(skeleton, motion, np.ones(motion.frames, bool)).motion is motion
+    pose = SkeletonPose.of_motion(skeleton, motion)
+    assert lock_feet(pose, np.ones(motion.frames, bool), motion.fps) is pose
 
 
 def test_shifts_are_the_same_at_any_rate_and_meet_their_keys():
@@ -138,7 +144,7 @@ def test_no_foot_comes_lower_than_in_the_keys(name: str):
     sunk = filled.root_positions.copy()
     sunk[~known, 1] -= 0.05
     loose = replace(filled, root_positions=sunk)
-    locked = lock_feet(skeleton, loose, known).motion
+    locked = locked_motion(skeleton, loose, known)
     for kind in (False, True):
         joints = feet.joints[feet.is_end == kind]
         if len(joints):

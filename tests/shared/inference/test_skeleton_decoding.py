@@ -9,7 +9,7 @@ from data_schemas.skeleton import Motion
 from stages.shared.inference.clouds import DrawnPoints, place_on_pose
 from stages.shared.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network, solve_from_network
 from stages.shared.kinematics.forward import positions_of
-from stages.shared.solve.local_pose import pose_of_motion
+from stages.shared.solve.skeleton_pose import pose_of_motion
 from tests.shared.inference.examples import swinging, write_random_weights
 from tests.shared.inference.rig_networks import write_random_rig_network
 

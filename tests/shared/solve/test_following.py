@@ -15,8 +15,8 @@ from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.solve.following import FollowOptions, follow_cloud
 from stages.shared.solve.key_prior import turn_prior
-from stages.shared.solve.local_pose import pose_of_motion
 from stages.shared.solve.scaling import fit_cloud, spread_scale
+from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.smoothing import smooth_as_needed
 from stages.shared.solve.solving import SolveOptions
 from tests.shared.inference.examples import humanoid, swinging
@@ -109,7 +109,7 @@ def test_a_cloud_of_another_size_is_found_out_and_followed(scale: float):
     told = follow_cloud(skeleton, motion, known, cloud, groups, FollowOptions(scale=scale))
     assert told.scale == scale and errors_mm(skeleton, told.motion, motion).mean() < 2
     # From one key alone the spread tells it, to a few per cent.
-    pose = pose_of_motion(skeleton, motion).rows(slice(0, 1)).world(skeleton.parents)
+    pose = pose_of_motion(skeleton, motion).rows(slice(0, 1)).world()
     assert spread_scale(cloud[:1], groups, skeleton, *pose) == pytest.approx(scale, rel=0.08)
     assert fit_cloud(cloud[:1], groups, skeleton, *pose).scale == pytest.approx(scale, rel=0.08)
 

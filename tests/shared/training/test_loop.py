@@ -1,5 +1,7 @@
 """The training loop: a resumed run is the unbroken one, a kill costs nothing, bad losses stop it."""
 
+from __future__ import annotations
+
 import math
 import shutil
 
@@ -14,6 +16,7 @@ from data_schemas.errors import PumpsError
 from stages.shared.progress import SILENT
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.loop import learning_rate, train
+from stages.shared.training.task import Task
 from stages.train.ae.config import Config
 from stages.train.ae.run import run
 from tests.shared.training.tiny_clouds import write_clouds
@@ -130,12 +133,15 @@ def test_the_choices_of_the_loss_and_head_train(clouds, tmp_path, changes):
     assert all(math.isfinite(loss) for loss in losses)
 
 
-class Parabola:
+class Parabola(Task[nn.ParameterDict]):
     """The smallest task: one parameter that should become 3."""
 
     def __init__(self, poison_at: int | None = None):
         self.networks = nn.ParameterDict({"place": nn.Parameter(torch.zeros(1))})
         self.steps, self.poison_at = 0, poison_at
+
+    def drawer(self, *, elsewhere: bool = False) -> Parabola:
+        return self
 
     def draw(self, rng: np.random.Generator) -> float:
         return float(rng.normal())

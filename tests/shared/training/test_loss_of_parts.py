@@ -27,7 +27,7 @@ def test_the_synthesisers_loss_of_a_batch_is_that_of_its_parts(tmp_path):
         for rows in (range(5), range(2), range(2, 5)):
             batch = task.draw(step_random(0, 1, 3, rows))
             losses.append(task.loss(batch, step_generator(0, 2, 3, rows, cpu))[0].item())
-            weights.append(task.weight(batch))
+            weights.append(task.weight(batch, len(rows)))
     assert weights[0] == weights[1] + weights[2]
     assert weights[1] / weights[2] != pytest.approx(2 / 3, rel=0.05)  # or a plain mean would do
     assert losses[0] == pytest.approx((losses[1] * weights[1] + losses[2] * weights[2]) / weights[0], rel=1e-4)

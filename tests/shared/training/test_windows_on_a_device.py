@@ -51,9 +51,10 @@ def test_a_step_of_the_synthesiser_never_waits_for_its_device(reader, tmp_path, 
     monkeypatch.setattr(training_task, "row_generator", lambda seed, rows, _: _on_cpu(seed, rows))
     models = load_autoencoder(config.ae, "cpu")
     task = SynthesiserTask(config, models, *window_pools(reader, config), torch.device("cpu"))
-    for network in (task.encoder, task.decoder, task.networks):
+    for network in (task.frozen.encoder, task.frozen.decoder, task.networks):
         network.to(META)
-    task.device, task.pool = META, WindowPool(reader, ("train",), device=META)
+    task.device = task.frozen.device = META
+    task.drawer().pool = WindowPool(reader, ("train",), device=META)
 
     batch = task.draw(step_random(0, 1, 0, range(3)))
     loss, values = task.loss(batch, step_generator(0, 2, 0, range(3), META))

@@ -21,7 +21,7 @@ from stages.shared.training.task import step_random
 from stages.shared.training.windows import WindowPool
 from stages.train.citl.config import Config
 from stages.train.citl.run import run
-from stages.train.citl.task import InterpolatorTask, errors_of
+from stages.train.citl.task import InterpolatorTask, errors_of, pose_batch
 from tests.shared.training.tiny_clouds import GROUPS, PARENTS, TAILS, swinging, write_clouds
 
 FRAMES = 31
@@ -177,7 +177,7 @@ def test_one_batch_is_learnt(folder: Path):
         pool = WindowPool(reader, ("train",))
         task = InterpolatorTask(small(folder), pool, pool, torch.device("cpu"))
         windows = pool.draw(4, 31, np.random.default_rng(0), augment=False)
-        batch = task._batch(windows, KNOWN[:1] & windows.valid)
+        batch = pose_batch(windows, KNOWN[:1] & windows.valid)
     optimiser = torch.optim.Adam(task.networks.parameters(), lr=3e-2)
     losses = []
     for _ in range(15):

@@ -17,9 +17,10 @@ from stages.shared.training.stage import window_pools
 from stages.shared.training.task import step_generator, step_random
 from stages.shared.training.unfinished import Unfinished
 from stages.train.lms.config import Config, NewSizes
+from stages.train.lms.fill_batch import FillBatch, KeptBatch
 from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
 from stages.train.lms.run import run
-from stages.train.lms.task import FillBatch, KeptBatch, SynthesiserTask
+from stages.train.lms.task import SynthesiserTask
 from tests.shared.inference.examples import write_random_weights
 from tests.shared.training.tiny_clouds import write_clouds
 
@@ -173,7 +174,7 @@ def test_a_window_keeps_its_identities_and_what_the_decoder_makes_of_it(tmp_path
     for row in range(2):
         part = slice(row, row + 1)
         true, plain = (
-            task.decoder(latents[part], centroids[part], times, held.groups[part], held.identities[part])
+            task.frozen.decoder(latents[part], centroids[part], times, held.groups[part], held.identities[part])
             for latents, centroids in ((held.latents, held.centroids), (held.base_latents, held.base_centroids))
         )
         torch.testing.assert_close(held.true_clouds[part], true, atol=2e-3, rtol=1e-3)  # kept in half precision

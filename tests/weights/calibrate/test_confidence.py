@@ -14,7 +14,7 @@ from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionWriter
-from stages.shared.inference.clouds import Scene
+from stages.shared.inference.cloud_sources import Scene, SynthesisedClouds
 from stages.shared.inference.confidence import (
     GAP_EDGES,
     PARTS,
@@ -28,7 +28,7 @@ from stages.shared.inference.confidence import (
 from stages.shared.inference.filling import fill_motion
 from stages.shared.inference.models import load_weights
 from stages.shared.inference.token_times import choose_tokens
-from stages.shared.solve.local_pose import correct_pose, pose_of_motion
+from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.solving import Corrections
 from stages.weights.calibrate.config import Config
 from stages.weights.calibrate.fit import Sums, careful_fit, fit, gain, trust_fit
@@ -182,10 +182,14 @@ def test_no_trust_gives_the_plain_interpolation_and_the_table_is_read_back(tmp_p
     write_confidence(weights / "confidence.json", Confidence(np.zeros(SHAPE)), {})
     wary = load_weights(weights, "cpu")
     assert wary.confidence is not None and wary.confidence.trust.max() == 0
-    filled = fill_motion(skeleton, motion, known, wary, points=48)
+    filled = fill_motion(skeleton, motion, known, SynthesisedClouds(wary), points=48)
     assert filled.plain[~known].all()
     sure = replace(wary, confidence=Confidence(np.ones(SHAPE)))
-    assert not fill_motion(skeleton, motion, known, sure, points=48).plain[~known][:, skeleton.sampled].all()
+    assert (
+        not fill_motion(skeleton, motion, known, SynthesisedClouds(sure), points=48)
+        .plain[~known][:, skeleton.sampled]
+        .all()
+    )
     content = json.loads((weights / "confidence.json").read_text())
     for change in ({"trust": [[2.0]]}, {"version": 99}, {"gap_edges": [1]}):
         (weights / "confidence.json").write_text(json.dumps(content | change))
@@ -223,8 +227,8 @@ def test_parts_changes_add_up_to_what_all_corrections_change() -> None:
     motion = swinging(skeleton, 31)
     made = _corrections(31, skeleton.joints, 1e-3)
     pose = pose_of_motion(skeleton, motion)
-    scene = Scene(skeleton, motion, choose_tokens(np.array([0, 30]), 31, 30.0), pose)
-    whole = _change(scene, correct_pose(pose, made.turns, made.shifts, skeleton, motion.track_joints))
+    scene = Scene(choose_tokens(np.array([0, 30]), 31, 30.0), pose)
+    whole = _change(scene, pose.corrected(made.turns, made.shifts))
     parts = _changes_by_part(scene, made)
     assert parts.shape == (len(PARTS), 31, whole.shape[1])
     np.testing.assert_allclose(parts.sum(0), whole, atol=3e-5)  # small turns: what they do adds up

@@ -19,14 +19,25 @@ class GrowingLayer(Protocol):
         ...
 
 
-class LayerStack(nn.ModuleList):
-    """Layers that each take and give (B, T, width), and share all other arguments.
+class Checkpointed:
+    """A module that can keep its inputs alone for the backward pass (activation checkpointing).
 
-    checkpointing: keep each layer's input alone for the backward pass (activation checkpointing). The training loop
-        sets it from its config.
+    checkpointing: whether it does; `set_checkpointing` sets it.
     """
 
     checkpointing: bool = False
+
+
+def set_checkpointing(networks: nn.Module, on: bool) -> None:
+    """Turn activation checkpointing on or off in all modules that can do it."""
+    for module in networks.modules():
+        if isinstance(module, Checkpointed):
+            module.checkpointing = on
+
+
+class LayerStack(nn.ModuleList, Checkpointed):
+    """Layers that each take and give (B, T, width), and share all other arguments. With checkpointing each layer's
+    input alone is kept."""
 
     def forward(self, frames: Tensor, *shared: Any, **named: Any) -> Tensor:
         """All layers in turn, (B, T, width)."""

@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from stages.shared.kinematics.conventions import GROUPS
 from stages.shared.networks.layers.attention import ExactNorm, TimeLayer, sinusoids
-from stages.shared.networks.layers.layer_stack import LayerStack
+from stages.shared.networks.layers.layer_stack import Checkpointed, LayerStack
 from stages.shared.networks.layers.pieces import in_pieces, rows_per_piece
 from stages.shared.networks.layers.row_generator import draw_normal, draw_uniform
 from stages.shared.networks.layers.sizes import DecoderSizes
@@ -123,16 +123,14 @@ def grid_cells(points: int) -> Tensor:
     return cells[torch.randperm(len(cells), generator=torch.Generator().manual_seed(0))[:points]]
 
 
-class PointHead(nn.Module):
+class PointHead(nn.Module, Checkpointed):
     """The paper's head: the frame's feature joined to the identity, then linear layers to three coordinates.
 
     The first layer of a joined vector is a sum of two, W (t + z) = W_t t + W_z z, each taken once for a frame or a
     point; the frame's part has a projection for each body group.
 
-    checkpointing: keep no intermediate results for the backward pass. The training loop sets it from its config.
+    With checkpointing no intermediate results are kept.
     """
-
-    checkpointing: bool = False
 
     def __init__(self, sizes: DecoderSizes):
         super().__init__()

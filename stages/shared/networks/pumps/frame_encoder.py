@@ -13,6 +13,7 @@ from torch.nn import functional as F
 
 from stages.shared.kinematics.conventions import GROUPS
 from stages.shared.networks.layers.attention import ExactNorm
+from stages.shared.networks.layers.layer_stack import Checkpointed
 from stages.shared.networks.layers.pieces import in_pieces, rows_per_piece
 from stages.shared.networks.layers.sizes import EncoderSizes
 from stages.shared.pointcloud.neighbours import Level, pooling_levels, take
@@ -88,16 +89,14 @@ def select_rows(values: Tensor, rows: Tensor) -> Tensor:
     return values.index_select(0, rows.view(-1)).view(*rows.shape, values.shape[-1])
 
 
-class FrameEncoder(nn.Module):
+class FrameEncoder(nn.Module, Checkpointed):
     """Cloud of one frame -> latent, blocks of neighbour attention and farthest-point pooling to a quarter.
 
     The latent's width is `width * 2**blocks`; it is layer-normalised without parameters, so that its features have
     one scale and a squared error on it means something.
 
-    checkpointing: keep each block's input alone for the backward pass. The training loop sets it from its config.
+    With checkpointing each block's input alone is kept for the backward pass.
     """
-
-    checkpointing: bool = False
 
     def __init__(self, sizes: EncoderSizes):
         super().__init__()

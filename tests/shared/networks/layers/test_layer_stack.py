@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from stages.shared.networks.layers.layer_stack import LayerStack
+from stages.shared.networks.layers.layer_stack import LayerStack, set_checkpointing
 from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
 from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
@@ -43,9 +43,7 @@ def test_computing_again_gives_the_same_gradients_and_keeps_less(build):
     network, result = build()
     found = []
     for again in (False, True):
-        for module in network.modules():
-            if hasattr(module, "checkpointing"):
-                module.checkpointing = again
+        set_checkpointing(network, again)
         kept: dict[int, int] = {}
 
         def keep(value: Tensor, kept: dict[int, int] = kept) -> Tensor:

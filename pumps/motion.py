@@ -1,0 +1,84 @@
+"""A motion with its skeleton, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from data_schemas import skeleton as records
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion on its skeleton: T frames, J joints. Immutable; functions of pumps return new ones.
+
+    Arrays are right-handed, Y up, in metres and seconds; quaternions are xyzw. They are read-only.
+
+    skeleton: the joints, their offsets and body groups, and what is needed to write the source's header again.
+    record:   rotations and places as pumps stores them.
+    name:     of the clip. notes: what was odd in the file, one sentence each. licence: of the source, where known.
+    """
+
+    skeleton: records.Skeleton
+    record: records.Motion
+    name: str = "motion"
+    notes: tuple[str, ...] = ()
+    licence: str = ""
+    source: bytes = field(default=b"", repr=False)  # the BVH that this motion was read from or filled into, verbatim
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return self.record.frames
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self.record.fps
+
+    @property
+    def seconds(self) -> float:
+        """T / fps."""
+        return self.frames / self.fps
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """J joint names, as the file spells them."""
+        return self.skeleton.names
+
+    @cached_property
+    def parents(self) -> np.ndarray:
+        """(J,) int32, -1 for joint 0; parents come before children."""
+        return _read_only(self.skeleton.parents)
+
+    @cached_property
+    def offsets(self) -> np.ndarray:
+        """(J, 3) float64 metres: each joint in its parent's frame at rest."""
+        return _read_only(self.skeleton.offsets)
+
+    @cached_property
+    def rotations(self) -> np.ndarray:
+        """(T, J, 4) float32 unit quaternions xyzw, global, without jumps of sign."""
+        return _read_only(self.record.rotations)
+
+    @cached_property
+    def local_rotations(self) -> np.ndarray:
+        """(T, J, 4) float64 unit quaternions xyzw, each in its parent's frame."""
+        from stages.shared.formats.figure import local_rotations_of
+
+        return _read_only(local_rotations_of(self.skeleton, self.record))
+
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """(T, J, 3) float64 metres: the joints in the world."""
+        from stages.shared.formats.figure import places_of
+
+        return _read_only(places_of(self.skeleton, self.record))
+
+
+def _read_only(values: np.ndarray) -> np.ndarray:
+    view = values.view()
+    view.flags.writeable = False
+    return view

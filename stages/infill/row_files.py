@@ -1,0 +1,170 @@
+"""The two kinds of file that are filled, a BVH and a robot's joint angles: a head and rows, kept as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from data_schemas.errors import InputError, UsageError
+from data_schemas.skeleton import Motion, Skeleton
+from stages.infill.config import Config
+from stages.infill.euler_rows import rows_between_keys
+from stages.shared.formats.bvh import BvhFile, read_bvh
+from stages.shared.formats.bvh_motion import motion_of, rate_of
+from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.readers import recognise, rig_beside
+from stages.shared.formats.recording import Asked, recording_of
+from stages.shared.formats.rig_option import rig_named
+from stages.shared.formats.robot_csv import USUAL_FPS, poses_of, rig_asked
+from stages.shared.formats.robot_rig import RobotRig
+from stages.shared.formats.robot_table import RobotTable, check_rows, read_table, table_with_rows
+from stages.shared.formats.robot_write import RobotRows, notes_of_rows, rows_of_motion
+from stages.shared.formats.skeleton_map import SkeletonMap, choose_map
+from stages.shared.formats.sources import Source
+
+
+class RowFile(Protocol):
+    """A file of T rows, some of them keyframes.
+
+    frames: T. fps: frames a second, as the file or the user states. suffix: of such files, lower case.
+    """
+
+    frames: int
+    fps: float
+    suffix: str
+
+    def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:
+        """The whole motion of a file that `written` made."""
+        ...
+
+    def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
+        """The skeleton, the motion of the rows (K,) of keyframes alone, and notes on them.
+
+        Raises: InputError where such a row is no pose.
+        """
+        ...
+
+    def written(
+        self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int
+    ) -> tuple[bytes, list[str]]:
+        """The file's bytes with what was filled, and notes on what it cannot hold.
+
+        Args:
+            filled: of the output's frames from `first` on. keys, rows: (K,) frames of the output that are given, the
+                first of them `first`, and the file's rows of them.
+            kept: frame of the output -> row that is copied byte for byte.
+            frames: how many the output has.
+        """
+        ...
+
+
+def row_file(source: Source, config: Config, data: bytes | None = None) -> RowFile:
+    """A source, or its bytes where they are at hand, as a file of rows.
+
+    Raises: InputError where it holds none; UsageError for options of the other kind of file.
+    """
+    data, name = source.read() if data is None else data, source.name
+    sparse = config.times is not None or config.frames is not None
+    chosen = recognise(data, name)
+    if source.suffix == ".csv" or (chosen is not None and chosen.name == "robot"):
+        return _RobotRows(data, source, config, keep=not sparse)
+    if config.skeleton is not None or config.respect_limits:
+        option = "--skeleton" if config.skeleton is not None else "--respect-limits"
+        raise UsageError(f"{option} is for a robot's joint angles, and {name} holds its skeleton.", "Leave it out.")
+    return _BvhRows(read_bvh(data, name, keep_unreadable_rows=not sparse), config.fps_override)
+
+
+class _BvhRows:
+    suffix = ".bvh"
+
+    def __init__(self, bvh: BvhFile, fps_override: float | None) -> None:
+        self.bvh, self._override = bvh, fps_override
+        self.frames = bvh.frames
+        self.fps = fps_override or rate_of(bvh.frame_time)
+        self._skeleton: Skeleton | None = None
+
+    def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:
+        skeleton, motion, _ = motion_of(read_bvh(data, self.bvh.name), fps_override=self._override)
+        return skeleton, motion
+
+    def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
+        key_file = self.bvh.select(rows)
+        bad = np.flatnonzero(~np.isfinite(key_file.values).all(axis=1))
+        if len(bad):
+            raise InputError(
+                f"{self.bvh.name}: row {rows[bad[0]]}, a keyframe, does not hold {key_file.values.shape[1]} numbers.",
+                "Mend the row or leave it out of the keyframes.",
+            )
+        choose_map(maps, [joint.name for joint in self.bvh.joints], must_fit=bool(maps))
+        self._skeleton, motion, notes = motion_of(key_file, fps_override=self._override, skeleton_maps=maps)
+        return self._skeleton, motion, notes
+
+    def written(
+        self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int
+    ) -> tuple[bytes, list[str]]:
+        assert self._skeleton is not None  # made with the keys' motion
+        key_values = self.bvh.values[rows]
+        values = np.zeros((frames, key_values.shape[1]))
+        made = rows_between_keys(self.bvh, self._skeleton, filled, keys - first, key_values)
+        values[first : first + filled.frames] = made
+        return write_bvh(self.bvh, values, kept, frames), []
+
+
+class _RobotRows:
+    suffix = ".csv"
+
+    def __init__(self, data: bytes, source: Source, config: Config, *, keep: bool) -> None:
+        name = source.name
+        rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
+        beside = rig_beside(source, ".urdf") if not rig_name else None
+        if beside is not None:
+            rig, rig_name = beside.read(), beside.name
+        self.robot: RobotRig = rig_asked(name, Asked(rig=rig, rig_name=rig_name))
+        self.table: RobotTable = read_table(data, name, self.robot, keep_unreadable_rows=keep)
+        self.frames = self.table.frames
+        self.fps = config.fps_override or USUAL_FPS
+        self.limited = config.respect_limits
+        self._notes = [] if config.fps_override else [f"{name} tells no frame rate; taken as {USUAL_FPS:g} a second."]
+        self._skeleton: Skeleton | None = None
+
+    def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:
+        table = read_table(data, self.table.name, self.robot)
+        poses = poses_of(table.values, self.robot, self.fps)
+        recording = recording_of(self.table.name, self.robot.figure(), poses, Asked())
+        return recording.skeleton, recording.motion
+
+    def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
+        check_rows(self.table, self.robot, rows)
+        choose_map(maps, self.robot.names, must_fit=bool(maps))
+        poses = poses_of(self.table.values[rows], self.robot, self.fps)
+        recording = recording_of(self.table.name, self.robot.figure(), poses, Asked(skeleton_maps=maps))
+        self._skeleton = recording.skeleton
+        return recording.skeleton, recording.motion, [*self._notes, *recording.notes]
+
+    def written(
+        self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int
+    ) -> tuple[bytes, list[str]]:
+        assert self._skeleton is not None  # made with the keys' motion
+        key_values = self.table.values[rows]
+        made = rows_of_motion(self.robot, self._skeleton, filled, self.table.name, limited=self.limited)
+        at = keys - first
+        values = np.zeros((frames, key_values.shape[1]))
+        values[first : first + filled.frames] = _spelled_as_keys(made.values, at, key_values)
+        missing = np.setdiff1d(np.arange(first, first + filled.frames), np.fromiter(kept, np.int64)) - first
+        shown = RobotRows(values, made.beyond[missing], made.off_m[missing], made.fitted[missing])
+        by_frame = dict(zip(keys.tolist(), rows.tolist(), strict=True))
+        text = table_with_rows(self.table, values, kept, by_frame)
+        return text, notes_of_rows(self.robot, shown, limited=self.limited)
+
+
+def _spelled_as_keys(values: np.ndarray, keys: np.ndarray, key_values: np.ndarray) -> np.ndarray:
+    """Rows (T, 7 + M) with the quaternion's sign and the whole turns of angles as the key before them has them."""
+    before = np.clip(np.searchsorted(keys, np.arange(len(values)), side="right") - 1, 0, None)
+    out = values.copy()
+    turns = np.round((key_values[:, 7:] - values[keys, 7:]) / (2 * np.pi)) * 2 * np.pi
+    out[:, 7:] += turns[before]
+    same = (key_values[:, 3:7] * values[keys, 3:7]).sum(axis=1)
+    out[:, 3:7] *= np.where(same < 0, -1.0, 1.0)[before, None]
+    return out

@@ -1,0 +1,65 @@
+"""Joint angles of a robot as text (Unitree's and many others' layout), on the skeleton of its URDF.
+
+A line a frame: the root's place x, y, z in metres, Z up; its rotation as a quaternion x, y, z, w; then the angle of
+every joint that turns, radians, in the URDF's order. A line of column names may come first; then it gives the order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from data_schemas.errors import InputError
+from stages.shared.formats.figure import Poses
+from stages.shared.formats.recording import Asked, Recording, check_room, recording_of
+from stages.shared.formats.robot_rig import TO_FIGURE, RobotRig, robot_rig
+from stages.shared.formats.robot_table import read_table
+from stages.shared.formats.urdf import looks_urdf
+
+USUAL_FPS = 30.0
+
+
+def read_robot_csv(data: bytes, name: str, asked: Asked) -> list[Recording]:
+    """The one clip of a robot's joint angles, on the URDF `asked.rig`. Raises InputError naming line and column."""
+    rig = rig_asked(name, asked)
+    table = read_table(data, name, rig)
+    check_room(name, len(data), len(table.values), len(rig.names))
+    notes: list[str] = []
+    if _written_w_first(table.values[:, 3:7]):
+        notes.append("The robot is upside down; the quaternions seem to be w x y z where x y z w is read.")
+    remarks = []
+    fps = asked.fps_override
+    if fps is None:
+        fps = USUAL_FPS
+        remarks.append(f"It tells no frame rate; taken as {USUAL_FPS:g} frames a second.")
+    return [recording_of(name, rig.figure(), poses_of(table.values, rig, fps), asked, notes=notes, remarks=remarks)]
+
+
+def rig_asked(name: str, asked: Asked) -> RobotRig:
+    """The robot that a file's angles are of. Raises InputError where no URDF was given."""
+    if not looks_urdf(asked.rig):
+        given = f"{asked.rig_name} is no URDF" if asked.rig_name else "no URDF lies beside it"
+        raise InputError(
+            f"{name} holds angles of joints and no skeleton: {given}.",
+            "Give the robot's URDF with --skeleton robot.urdf ('archive.zip!robot.urdf' too).",
+        )
+    return robot_rig(asked.rig, asked.rig_name)
+
+
+def poses_of(values: np.ndarray, rig: RobotRig, fps: float) -> Poses:
+    """What rows say, in a figure's axes.
+
+    Args:
+        values: (T, 7 + M) rows of a RobotTable.
+    """
+    local = rig.hinges.local_rotations(values[:, 7:])
+    root = values[:, 3:7][:, (*TO_FIGURE, 3)]
+    local[:, 0] = root / np.linalg.norm(root, axis=1, keepdims=True)
+    return Poses(local, values[:, :3][:, TO_FIGURE].copy(), fps)
+
+
+def _written_w_first(quaternions: np.ndarray) -> bool:
+    """Whether the root stands on its head as x y z w and upright as w x y z, in most frames."""
+    x, y, z, w = quaternions.T
+    as_read = np.median(1 - 2 * (x * x + y * y))
+    w_first = np.median(1 - 2 * (y * y + z * z))
+    return bool(as_read < -0.5 and w_first > 0.5) and abs(float(np.median(w))) < 0.5

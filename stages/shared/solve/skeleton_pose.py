@@ -1,0 +1,178 @@
+"""Frames of a skeleton's pose: the one type that filling, the solve, easing and foot lock take and give back.
+
+A motion from a file becomes a pose once (`SkeletonPose.of_motion`) and a motion again once (`SkeletonPose.motion`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import roma
+import torch
+from torch import Tensor
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
+from stages.shared.kinematics.plain_interpolation import Glide, Smoothness, interpolate_pose
+
+
+@dataclass(frozen=True, eq=False)
+class SkeletonPose:
+    """T frames of a skeleton, float32.
+
+    A pose is held by its joints' rotations in one of two forms, global or local; the other form is computed from it
+    when it is asked for, and then kept.
+
+    skeleton:     whose J joints they are.
+    held:         (T, J, 4) rotations, xyzw.
+    is_global:    True where `held` are global rotations; False where they are in the parents' frames.
+    roots:        (T, 3) joint 0 in the world, metres.
+    offsets:      (T, J, 3) joints' heads in their parents' frames, metres; (J, 3) where no joint but joint 0 moves
+                  its head.
+    track_joints: (K,) joints whose offsets vary over time.
+    """
+
+    skeleton: Skeleton
+    held: Tensor
+    is_global: bool
+    roots: Tensor
+    offsets: Tensor
+    track_joints: np.ndarray
+
+    @classmethod
+    def of_motion(cls, skeleton: Skeleton, motion: Motion, device: torch.device | str = "cpu") -> SkeletonPose:
+        """All frames of a motion, held by its own global rotations."""
+        held = torch.as_tensor(np.ascontiguousarray(motion.rotations), dtype=torch.float32)
+        roots = torch.as_tensor(np.ascontiguousarray(motion.root_positions), dtype=torch.float32)
+        offsets = offsets_over_time(skeleton, motion)
+        return cls(skeleton, held.to(device), True, roots.to(device), offsets.to(device), motion.track_joints)
+
+    def motion(self, fps: float) -> Motion:
+        """The same frames as a motion of `fps` frames a second."""
+        tracks = np.zeros((len(self), 0, 3), np.float32)
+        if len(self.track_joints):
+            tracks = self.offsets[:, self._tracked].cpu().numpy()
+        return Motion(self.rotations.cpu().numpy(), self.roots.cpu().numpy(), fps, self.track_joints, tracks)
+
+    def __len__(self) -> int:
+        return len(self.roots)
+
+    @cached_property
+    def rotations(self) -> Tensor:
+        """(T, J, 4) global rotations, xyzw."""
+        return self.held if self.is_global else global_rotations(self.held, self.skeleton.parents)
+
+    @cached_property
+    def local(self) -> Tensor:
+        """(T, J, 4) rotations in the parents' frames, xyzw."""
+        return local_rotations(self.held, self.skeleton.parents) if self.is_global else self.held
+
+    @cached_property
+    def heads(self) -> Tensor:
+        """(T, J, 3) joints' heads in the world, metres."""
+        return joint_positions(self.rotations, self.roots, self.offsets, self.skeleton.parents)
+
+    def world(self) -> tuple[Tensor, Tensor]:
+        """Heads (T, J, 3) and global rotations (T, J, 4)."""
+        return self.heads, self.rotations
+
+    @property
+    def parts(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Local rotations, roots and offsets, as `interpolate_pose` and `solve_pose` take them."""
+        return self.local, self.roots, self.offsets
+
+    @property
+    def moves(self) -> bool:
+        """True where offsets vary over time."""
+        return self.offsets.dim() == 3
+
+    @property
+    def _tracked(self) -> Tensor:
+        return torch.as_tensor(self.track_joints, dtype=torch.long, device=self.roots.device)
+
+    def by_local(self) -> SkeletonPose:
+        """The same frames held by their local rotations. Global ones are then computed along the chains, as the solve
+        computes them, and differ by rounding from those that were held before."""
+        return replace(self, held=self.local, is_global=False)
+
+    def with_local(self, local: Tensor, roots: Tensor, offsets: Tensor) -> SkeletonPose:
+        """Other frames of the same skeleton, held by local rotations (T, J, 4)."""
+        return replace(self, held=local, is_global=False, roots=roots, offsets=offsets)
+
+    def rows(self, index: Tensor | np.ndarray | slice) -> SkeletonPose:
+        """Some of the frames."""
+        if isinstance(index, np.ndarray):
+            index = torch.as_tensor(index, device=self.roots.device)
+        offsets = self.offsets[index] if self.moves else self.offsets
+        return replace(self, held=self.held[index], roots=self.roots[index], offsets=offsets)
+
+    def to(self, device: torch.device | str) -> SkeletonPose:
+        """The same on a device."""
+        held, roots, offsets = (part.to(device) for part in (self.held, self.roots, self.offsets))
+        return replace(self, held=held, roots=roots, offsets=offsets)
+
+    def at(
+        self, key_times: Tensor, times: Tensor, smooth: Smoothness = 0.0, glide: Glide | None = None
+    ) -> SkeletonPose:
+        """This pose's frames taken as keys, interpolated plainly to other times, and beyond the keys as `glide` has
+        it, in their unit."""
+        return self.with_local(*interpolate_pose(*self.parts, key_times, times, smooth=smooth, glide=glide))
+
+    def corrected(self, turns: Tensor, shifts: Tensor) -> SkeletonPose:
+        """Every joint turned in its own frame and the pelvis shifted in the world.
+
+        Args:
+            turns: (T, J, 3) rotation vectors, radians.
+            shifts: (T, 3) metres. They go to the pelvis where it is one of `track_joints`, else to joint 0, above
+                which nothing moves.
+        """
+        skeleton, root = self.skeleton, self.skeleton.root
+        local = roma.quat_product(self.local, roma.rotvec_to_unitquat(turns))
+        if root == 0 or root not in self.track_joints.tolist():
+            return self.with_local(local, self.roots + shifts, self.offsets)
+        lead = root + 1  # the pelvis' ancestors are among these
+        above = global_rotations(local[:, :lead], skeleton.parents[:lead])[:, int(skeleton.parents[root])]
+        offsets = self.offsets.expand(len(local), -1, 3).clone()
+        offsets[:, root] += roma.quat_action(roma.quat_conjugation(above), shifts)
+        return self.with_local(local, self.roots, offsets)
+
+    def with_rows(self, rows: np.ndarray, others: SkeletonPose) -> SkeletonPose:
+        """The same frames, of which `rows` (M,) come from the M frames of `others`; all else stays value for value.
+
+        The result is held by global rotations on this pose's device. Those from `others` agree in sign with the frame
+        before them; offsets of joints that are none of `track_joints` stay this pose's own.
+        """
+        others = others.to(self.roots.device)
+        rotations, roots, offsets = self.rotations.clone(), self.roots.clone(), self.offsets
+        at = torch.as_tensor(rows, device=roots.device)
+        rotations[at], roots[at] = others.rotations, others.roots
+        if len(self.track_joints):
+            offsets = offsets.clone()
+            offsets[at[:, None], self._tracked] = others.offsets[:, self._tracked]
+        given = np.ones(len(self), bool)
+        given[rows] = False
+        rotations = rotations * _agreeing_signs(rotations, given).to(rotations)
+        return replace(self, held=rotations, is_global=True, roots=roots, offsets=offsets)
+
+
+def pose_of_motion(skeleton: Skeleton, motion: Motion, device: torch.device | str = "cpu") -> SkeletonPose:
+    """All frames of a motion, held by their local rotations."""
+    return SkeletonPose.of_motion(skeleton, motion).by_local().to(device)
+
+
+def replace_rows(skeleton: Skeleton, motion: Motion, pose: SkeletonPose, rows: np.ndarray) -> Motion:
+    """A motion of as many frames: `rows` come from `pose`, the others are the motion's own, value for value."""
+    return SkeletonPose.of_motion(skeleton, motion).with_rows(rows, pose).motion(motion.fps)
+
+
+def _agreeing_signs(rotations: Tensor, given: np.ndarray) -> Tensor:
+    """(T, J, 1) signs by which filled rows agree with the row before each; given rows (T,) True keep their signs."""
+    values = rotations.cpu().numpy()
+    disagree = (values[1:] * values[:-1]).sum(-1) < 0
+    signs = np.ones((*rotations.shape[:-1], 1), np.float32)
+    for row in range(1, len(rotations)):
+        if not given[row]:
+            signs[row] = np.where(disagree[row - 1][:, None], -signs[row - 1], signs[row - 1])
+    return torch.from_numpy(signs)
