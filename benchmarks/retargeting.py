@@ -33,6 +33,11 @@ from stages.shared.kinematics.forward import positions_of
 
 SECTION = "retargeting"
 MOST_FRAMES = 1200
+OF_ARCHIVES = {
+    "Bandai Namco": "bandai-namco-1.zip!bandai-namco-1/dataset-1_kick_normal_001.bvh",
+    "CMU dance": "cmu-dance.zip!cmu-dance/indian/08.bvh",
+    "LaFAN1 G1": "lafan1-g1.zip!lafan1-g1/fight1_subject2.bvh",
+}
 _HEAD = (
     "| from | to | size | poses apart | hands, turns | solve | feet, turns | solve "
     "| feet slide, source | solve | frames/s |"
@@ -107,12 +112,22 @@ def table(figures: dict[str, Figure]) -> str:
     return "\n".join(lines)
 
 
+def of_archives(folder: Path) -> list[str]:
+    """A motion of each archive and an embedded one, "NAME=PLACE"; none where an archive is not in the folder."""
+    if not all((folder / place.partition("!")[0]).is_file() for place in OF_ARCHIVES.values()):
+        return []
+    embedded = Path(stages.shared.clips.__file__).parent / "run.bvh"
+    return [*(f"{name}={folder / place}" for name, place in OF_ARCHIVES.items()), f"embedded={embedded}"]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("figures", nargs="*", metavar="NAME=FILE")
     parser.add_argument("--page", type=Path, help="a page whose section is to be replaced")
+    parser.add_argument("--archives", type=Path, help="folder of archives that lend a motion each, if they are there")
     options = parser.parse_args()
-    made = table(figures_of(options.figures))
+    lent = of_archives(options.archives) if options.archives else []
+    made = table(figures_of([*options.figures, *lent]))
     if options.page:
         replace_section(options.page, SECTION, made)
     print(made)

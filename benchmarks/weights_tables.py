@@ -8,6 +8,7 @@ Each table stands between `<!-- weights NAME: begin -->` and `<!-- weights NAME:
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -47,10 +48,10 @@ TABLES: dict[str, tuple[str, Callable[[Found], str]]] = {
     "small-free by archive": ("own-small-free", shares),
     "small-free": ("own-small-free", figures),
     "small, part by part": ("parts-small", figures),
-    "small-free on what it never saw, by archive": ("evaluate-small-free-20", shares),
-    "small-free on what it never saw": ("evaluate-small-free-20", figures),
-    "small on a rig that it never saw, by archive": ("on-rigs/evaluate-small-20", shares),
-    "small on a rig that it never saw": ("on-rigs/evaluate-small-20", figures),
+    "small-free on what it never saw, by archive": ("unseen-small-free", shares),
+    "small-free on what it never saw": ("unseen-small-free", figures),
+    "small on a rig that it never saw, by archive": ("on-rigs/small", shares),
+    "small on a rig that it never saw": ("on-rigs/small", figures),
     "small, feel": ("own-small", feel),
     "small, feel with loose feet": ("loose-small", feel),
 }
@@ -58,11 +59,19 @@ TABLES: dict[str, tuple[str, Callable[[Found], str]]] = {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=Path, help="the folder that make weights-report measured into")
+    parser.add_argument(
+        "run",
+        type=Path,
+        nargs="?",
+        default=Path("runs/weights"),
+        help="the folder that make weights-report measured into",
+    )
     parser.add_argument(
         "--page", type=Path, help="the page whose tables are to be replaced; without it they are printed"
     )
     options = parser.parse_args()
+    if not options.run.is_dir():
+        sys.exit(f"There is no {options.run}: `make weights-report` measures into it and then runs this.")
     found = {
         folder: cells(read_metrics(open_artefact(options.run / folder, "metrics"))[0])
         for folder in dict.fromkeys(folder for folder, _ in TABLES.values())

@@ -25,6 +25,11 @@ class Stage:
     example:   a command line that a user would type.
     arguments: fields of its Config that are given by place, not by flag.
     needs:     in a run, the stages whose outputs it reads.
+    inputs:    in a run, how those outputs are given to it: (field of its Config, place). A place is a path in the
+               run's folder that begins with a stage's name, "." for the folder itself, or {weights} for weights to
+               compare; {clip} stands for each of the run's clips in turn. "LABEL=" may come before a place.
+    target:    in a run, the file in its folder whose being there says that it is done.
+    writes_file: whether its output is that file instead of the folder.
     pipeline:  False for a tool that is no node of a run.
     form_of:   for a further command of a stage, the stage's name: the two share their settings.
     fixed:     settings that such a command stands for, which are then no flags.
@@ -38,6 +43,9 @@ class Stage:
     example: str
     arguments: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
+    inputs: tuple[tuple[str, str], ...] = ()
+    target: str = "manifest.json"
+    writes_file: bool = False
     pipeline: bool = True
     form_of: str = ""
     fixed: tuple[tuple[str, str], ...] = ()
@@ -107,21 +115,21 @@ STAGES: tuple[Stage, ...] = (
         ("sample-tpc",),
         "Scatter points around the bones: motion to temporal point clouds.",
         ("motion",), "tpc", "pumps sample-tpc --motion runs/mine/ingest -o runs/mine/sample-tpc",
-        needs=("ingest",),
+        needs=("ingest",), inputs=(("motion", "ingest"),),
     ),
     Stage(
         ("train", "ae"),
         "Train the autoencoder of clouds.",
         ("tpc",), "checkpoint",
         "pumps train ae --preset tiny --tpc runs/mine/sample-tpc -o runs/mine/train-ae",
-        needs=("sample-tpc",),
+        needs=("sample-tpc",), inputs=(("tpc", "sample-tpc"),),
     ),
     Stage(
         ("encode",),
         "Turn every frame's cloud into a latent vector.",
         ("tpc", "checkpoint"), "latent",
         "pumps encode --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/encode",
-        needs=("sample-tpc", "train-ae"),
+        needs=("sample-tpc", "train-ae"), inputs=(("tpc", "sample-tpc"), ("ae", "train-ae")),
     ),
     Stage(
         ("train", "lms"),
@@ -129,6 +137,7 @@ STAGES: tuple[Stage, ...] = (
         ("tpc", "checkpoint", "latent"), "checkpoint",
         "pumps train lms --preset tiny --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/train-lms",
         needs=("sample-tpc", "train-ae", "encode"),
+        inputs=(("tpc", "sample-tpc"), ("ae", "train-ae"), ("latent", "encode")),
     ),
     Stage(
         ("train", "skeleton"),
@@ -141,13 +150,14 @@ STAGES: tuple[Stage, ...] = (
         ("data", "pick"),
         "Copy a few test clips out of the sources as BVH files, to be filled.",
         ("motion",), "BVH", "pumps data pick --motion runs/mine/ingest -o runs/mine/data-pick",
-        needs=("ingest",),
+        needs=("ingest",), inputs=(("motion", "ingest"),), target="clips.txt",
     ),
     Stage(
         ("infill",),
         "Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton.",
         ("BVH", "checkpoint"), "BVH", "pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh",
         arguments=("input",), needs=("data-pick", "train-ae", "train-lms"),
+        inputs=(("input", "data-pick/{clip}.bvh"), ("weights", ".")), target="{clip}.bvh", writes_file=True,
     ),
     Stage(
         ("decode",),
@@ -155,6 +165,7 @@ STAGES: tuple[Stage, ...] = (
         ("latent", "tpc", "checkpoint", "motion"), "tpc or motion",
         "pumps decode --latent runs/mine/encode --ae runs/mine/train-ae -o runs/mine/decode",
         needs=("ingest", "train-ae", "encode"),
+        inputs=(("latent", "encode"), ("ae", "train-ae"), ("motion", "ingest")),
     ),
     Stage(
         ("evaluate",),
@@ -162,13 +173,19 @@ STAGES: tuple[Stage, ...] = (
         ("motion", "checkpoint"), "metrics",
         "pumps evaluate --motion runs/mine/ingest --weights tiny -o runs/mine/evaluate",
         needs=("ingest", "train-ae", "train-lms"),
+        inputs=(("motion", "ingest"), ("weights", "pumps=."), ("weights", "{weights}")),
     ),
     Stage(
         ("report",),
         "Write one HTML page that opens offline: results, loss curves, motions side by side.",
         ("metrics", "checkpoint", "motion", "BVH"), "HTML",
         "pumps report --metrics runs/mine/evaluate --checkpoints runs/mine/train-ae -o report.html",
-        needs=("train-ae", "train-lms", "infill", "evaluate"),
+        needs=("train-ae", "train-lms", "data-pick", "infill", "evaluate"),
+        inputs=(
+            ("metrics", "evaluate"), ("checkpoints", "train-ae"), ("checkpoints", "train-lms"),
+            ("motions", "{clip}/truth=data-pick/{clip}.bvh"), ("motions", "{clip}/PUMPS=infill/{clip}.bvh"),
+        ),
+        target="report.html", writes_file=True,
     ),
     Stage(
         ("retarget",),
@@ -242,7 +259,7 @@ STAGES: tuple[Stage, ...] = (
         ("weights", "pack"),
         "Make the networks of a run small enough to hand on, with one model card.",
         ("checkpoint",), "checkpoint", "pumps weights pack runs/mine -o weights/mine",
-        arguments=("run",), pipeline=False,
+        arguments=("run",), pipeline=False, target="lms/manifest.json",
     ),
     Stage(
         ("weights", "list"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,8 @@ from pumps_cli.stage_command import AsJson, Debug, Quiet
 from stages.registry import OLD_NAMES, PIPELINE
 from stages.shared.settings.layers import settle_file_part
 from stages.shared.settings.presets import preset_layers, preset_names, preset_path
-from stages.shared.settings.run_folder import write_run_config
+from stages.shared.settings.recipes import recipe_names, recipe_path
+from stages.shared.settings.run_folder import RunRequest, write_run
 from stages.shared.toml import toml_text
 
 app = typer.Typer(no_args_is_help=True, epilog="Example: pumps config show --preset tiny")
@@ -23,7 +25,11 @@ _Presets = Annotated[list[str], typer.Option("--preset", metavar="NAME", help="A
 @app.command("list", epilog="Example: pumps config list")
 def list_presets(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the presets."""
-    show(Manner(quiet=quiet, json=as_json), lambda: [_headline(name) for name in preset_names()], preset_names)
+    show(
+        Manner(quiet=quiet, json=as_json),
+        lambda: [_headline(name, preset_path(name)) for name in preset_names()],
+        preset_names,
+    )
 
 
 @app.command("show", epilog="Example: pumps config show --preset tiny --stage train-ae")
@@ -49,28 +55,49 @@ def show_preset(
         show(manner, lambda: [toml_text(tables).strip()], lambda: tables)
 
 
+@app.command("recipes", epilog="Example: pumps config recipes")
+def list_recipes(quiet: Quiet = False, as_json: AsJson = False) -> None:
+    """List the recipes of tables and of pretraining."""
+    lines = lambda: [_headline(name, recipe_path(name)) for name in recipe_names()]  # noqa: E731
+    show(Manner(quiet=quiet, json=as_json), lines, recipe_names)
+
+
 @app.command("write", epilog="Example: pumps config write --preset tiny --run runs/mine --set train-ae.steps=100")
 def write(
-    preset: _Presets,
     run: Annotated[Path, typer.Option(metavar="FOLDER", help="The run's folder.")],
+    preset: Annotated[
+        list[str] | None,
+        typer.Option("--preset", metavar="NAME", help="A preset; a later one wins. By default the recipe's."),
+    ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="A setting that wins over presets.")
     ] = None,
     source: Annotated[
         list[str] | None, typer.Option(metavar="PATH", help="What the run ingests: files, folders, globs, archives.")
     ] = None,
+    recipe: Annotated[
+        str, typer.Option(metavar="NAME", help="A recipe of `pumps config recipes`, instead of the pipeline.")
+    ] = "",
+    parameters: Annotated[
+        list[str] | None, typer.Option("--with", metavar="NAME=WORDS", help="A parameter of the recipe.")
+    ] = None,
+    data: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the recipe's archives lie.")] = Path("."),
     quiet: Quiet = False,
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> None:
-    """Write RUN/config/STAGE.toml for every stage, touching only files whose content changes."""
+    """Write RUN/config, the settings of every stage, and RUN/run.mk, the makefile that runs them.
+
+    Files whose content does not change are not touched.
+    """
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with told(manner, "pumps config write"):
-        changed = write_run_config(run, preset, settings or [], source or [])
+        request = RunRequest(run, preset or (), settings or (), source or (), recipe, parameters or (), data)
+        changed = write_run(request)
         show(manner, lambda: [f"wrote {path}" for path in changed], lambda: [str(path) for path in changed])
 
 
-def _headline(name: str) -> str:
-    """A preset's name and the first line of its head comment."""
-    first = preset_path(name).read_text(encoding="utf-8").splitlines()[0]
-    return f"{name:8}{first.lstrip('# ')}"
+def _headline(name: str, path: Path) -> str:
+    """Name and first sentence of the head comment of a preset or recipe."""
+    head = takewhile(lambda line: line.lstrip("#").strip(), path.read_text(encoding="utf-8").splitlines())
+    return f"{name:13}{' '.join(line.lstrip('# ') for line in head)}"

@@ -16,7 +16,7 @@ from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.ingest.config import Config
 from stages.ingest.doubts import doubts_of
-from stages.ingest.known_rates import known_rate, rate_notes
+from stages.ingest.known_facts import known_rate, known_rig, rate_notes
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
 from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
@@ -49,7 +49,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     rates = {source.name: _override_of(source, overrides) for source in sources}
     known = {source.name: known_rate(source) for source in sources if rates[source.name] is None}
     jobs = [
-        Job(source, config.format, replace(asked, fps_override=rates[source.name] or known.get(source.name)))
+        Job(source, config.format, _asked_of(source, asked, rates[source.name] or known.get(source.name)))
         for source in sources
     ]
     clips = _ClipNames()
@@ -90,6 +90,14 @@ def _asked(config: Config) -> Asked:
         None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
         read_skeleton_maps(config.skeleton_map),
     )  # fmt: skip
+
+
+def _asked_of(source: Source, asked: Asked, fps: float | None) -> Asked:
+    """What holds for one source: its true rate, and the catalogue's rig where none was given."""
+    if asked.rig or asked.rig_name:
+        return replace(asked, fps_override=fps)
+    rig, rig_name = known_rig(source)
+    return replace(asked, fps_override=fps, rig=rig, rig_name=rig_name)
 
 
 def _store(

@@ -39,7 +39,8 @@ def test_every_make_target_and_variable_exists(line: str):
     text = (ROOT / "Makefile").read_text()
     phony = re.search(r"^\.PHONY: (.*)$", text, re.M)
     assert phony
-    targets, variables = phony[1].split(), re.findall(r"^(\w+)\s*\?=", text, re.M)
+    targets = phony[1].split()
+    variables = {each for each in re.findall(r"[A-Z_]+", text) if f"$({each}" in text or f"{each} ?=" in text}
     for word in shlex.split(line)[1:]:
         name, given, _ = word.partition("=")
         assert name in (variables if given else targets) or name.startswith("-j"), word

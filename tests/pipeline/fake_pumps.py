@@ -21,20 +21,25 @@ def leave_target(words: list[str]) -> None:
         log.write(stage.name + "\n")
     if os.environ.get("FAIL") == stage.name:
         sys.exit(1)
+    settings = Path(words[words.index("--config") + 1]).read_text()
+    assert settings.startswith(f"# Settings of `pumps {' '.join(stage.command)}`."), "another stage's settings"
+    if "-o" not in words:
+        return _write(Path(words[len(stage.command)]) / "confidence.json")  # weights calibrate
     output = Path(words[words.index("-o") + 1])
-    for word in words:
-        if word.startswith("--config"):
-            assert Path(words[words.index(word) + 1]).stem == stage.name
+    if stage.writes_file:
+        return _write(output)
+    _write(output / stage.target)
     if stage.name == "data-pick":
-        output.mkdir(parents=True, exist_ok=True)
         for name in ("one", "two"):
-            (output / f"{name}.bvh").write_text("HIERARCHY")
-        (output / "clips.txt").write_text("one.bvh\ntwo.bvh\n")
-    elif output.suffix:
-        output.write_text("whole")
-    else:
-        output.mkdir(parents=True, exist_ok=True)
-        (output / "manifest.json").write_text("{}")
+            _write(output / f"{name}.bvh")
+    if "--made" in words and stage.name == "measure-solve":
+        for name in ("truth", "network"):
+            _write(Path(words[words.index("--made") + 1]) / "rig" / name / "manifest.json")
+
+
+def _write(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("whole")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -11,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from stages.registry import PIPELINE, downstream_of
+from tests.docs.pages import commands
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL = {stage.name for stage in PIPELINE}
@@ -40,15 +43,16 @@ class Run:
         self.log.write_text("")
         fake = f"{sys.executable} {Path(__file__).parent / 'fake_pumps.py'}"
         command = [
-            "make", self.target, *flags,
+            "make", self.target,
             f"PUMPS={fake}", f"RUNS={self.runs}", "RUN=it", f"DATA={self.data}", "PRESET=tiny",
-            f"SET={' '.join(settings)}",
+            f"SET={' '.join(settings)}", *flags,
         ]  # fmt: skip
         kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
         done = subprocess.run(
             command, cwd=ROOT, env={**kept, "LOG": str(self.log), "FAIL": fail}, capture_output=True, text=True
         )
-        assert done.returncode == code, done.stdout + done.stderr
+        self.said = done.stdout + done.stderr
+        assert done.returncode == code, self.said
         return self.log.read_text().split()
 
 
@@ -122,3 +126,42 @@ def test_jobs_at_once_keep_the_order(run: Run):
 def test_a_missing_source_is_told_before_anything_runs(run: Run):
     run.data = run.data / "nowhere"
     assert run.make(code=2) == []
+
+
+def documented_targets() -> list[str]:
+    """Targets that the makefile's head, its .PHONY line or a page names."""
+    text = (ROOT / "Makefile").read_text()
+    phony = re.search(r"^\.PHONY: (.*)$", text, re.M)
+    assert phony
+    named = {line.split()[1] for _, line in commands() if line.startswith("make ")}
+    return sorted({*phony[1].split(), *named})
+
+
+def test_the_makefile_is_short():
+    assert len((ROOT / "Makefile").read_text().splitlines()) < 180
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a fresh clone holds, but for the weights: no data beside it, no .venv, no runs."""
+    folder = tmp_path_factory.mktemp("fresh") / "clone"
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+    ).stdout.decode()
+    for name in listed.split("\0"):
+        if name and not name.endswith(".safetensors") and (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+@pytest.mark.parametrize("target", documented_targets())
+def test_make_shows_what_any_target_would_do_in_a_fresh_clone(clone: Path, target: str):
+    before = sorted(clone.rglob("*"))
+    kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
+    shown = subprocess.run(["make", "-n", target], cwd=clone, env=kept, capture_output=True, text=True)
+    assert shown.returncode == 0 and shown.stdout.strip() and not shown.stderr, shown.stdout + shown.stderr
+    assert sorted(clone.rglob("*")) == before, "make -n does nothing"

@@ -69,6 +69,7 @@ class DataSet(_Strict):
     by_hand: what a person must do where a program may not (an account, moving hosts); then there are no files.
     ingest:  the command to run on the file, with {file} in its place.
     archives: names of archives that hold its recordings, besides the files that are downloaded.
+    rig:      the rig of recordings that hold none: "archive.zip!member", an archive beside theirs.
     true_fps: pattern of member names -> true frames a second, where the recordings state a wrong rate.
     """
 
@@ -82,6 +83,7 @@ class DataSet(_Strict):
     files: tuple[DataFile, ...] = ()
     by_hand: str = ""
     archives: tuple[str, ...] = ()
+    rig: str = ""
     true_fps: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="after")

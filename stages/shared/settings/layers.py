@@ -53,15 +53,20 @@ def settle(
     raise _as_error(faults, what)
 
 
-def settle_file_part(config_type: type[StageConfig], layers: Sequence[Layer], *, what: str) -> dict[str, Any]:
-    """The settings that belong in a file, defaults spelled out: all but required ones that no layer gives.
+def settle_file_part(
+    config_type: type[StageConfig], layers: Sequence[Layer], *, what: str, inputs: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The settings that belong in a file, defaults spelled out: all but inputs and required ones that no layer gives.
 
     Those are the paths that differ from run to run; they are given on the command line.
+
+    Args:
+        inputs: fields that the command line gives, with their values, so that the settings are judged together.
 
     Raises:
         UsageError: as `settle`, but nothing is missing.
     """
-    merged, origins = _merge(config_type, layers)
+    merged, origins = _merge(config_type, [*layers, Layer(COMMAND_LINE, inputs or {})])
     absent = {name for name, field in config_type.model_fields.items() if field.is_required() and name not in merged}
     stand_ins = {name: ("-",) if _is_tuple(config_type, name) else "-" for name in absent}
     try:
@@ -69,7 +74,11 @@ def settle_file_part(config_type: type[StageConfig], layers: Sequence[Layer], *,
     except ValidationError as error:
         faults = [_fault(config_type, dict(detail), origins) for detail in error.errors()]
         raise _as_error(faults, what) from None
-    return {name: value for name, value in settled.model_dump(mode="json").items() if name not in absent}
+    return {
+        name: value
+        for name, value in settled.model_dump(mode="json").items()
+        if name not in absent and name not in (inputs or {})
+    }
 
 
 def _as_error(faults: Sequence[str], what: str) -> UsageError:

@@ -72,6 +72,13 @@ def test_what_follows_from_a_change():
     assert "train-ae" not in downstream_of({"train-lms"})
 
 
+def test_what_a_stage_is_given_in_a_run_is_what_it_needs():
+    for stage in PIPELINE:
+        places = {place.rpartition("=")[2].split("/")[0] for _, place in stage.inputs} - {".", "{weights}"}
+        assert places <= set(stage.needs), stage.name
+        assert {field for field, _ in stage.inputs} <= set(stage.config_type().model_fields)
+
+
 def test_every_need_is_an_earlier_stage():
     seen: set[str] = set()
     for stage in PIPELINE:
@@ -88,7 +95,7 @@ def test_a_run_has_one_file_a_stage_and_all_are_readable(tmp_path: Path):
 
 
 def test_only_what_changed_is_written(tmp_path: Path):
-    assert len(write_run_config(tmp_path, ["tiny"], [])) == len(PIPELINE)
+    assert len(write_run_config(tmp_path, ["tiny"], [])) == len(PIPELINE) + 1, "and the makefile"
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "config").iterdir()}
     assert write_run_config(tmp_path, ["tiny"], []) == []
     changed = write_run_config(tmp_path, ["tiny"], ["train-lms.steps=5"])

@@ -1,12 +1,16 @@
-"""True frame rates that the catalogue states for recordings whose files state a wrong one."""
+"""What the catalogue knows of recordings whose files do not tell it: true frame rates, and rigs."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatch
+from functools import cache
+from pathlib import Path
 
+from data_schemas.errors import InputError
 from stages.shared.catalogue.catalogue import data_sets_by_archive
+from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import Source
 
 
@@ -16,6 +20,25 @@ def known_rate(source: Source) -> float | None:
     if found is None:
         return None
     return next((fps for pattern, fps in found[1].true_fps.items() if fnmatch(source.member, pattern)), None)
+
+
+def known_rig(source: Source) -> tuple[bytes, str]:
+    """Bytes and name of the rig that the catalogue states for a recording's archive; empty where there is none.
+
+    The rig lies in another archive in the same folder; where that is not there, there is no rig.
+    """
+    found = data_sets_by_archive().get(source.data_set) if source.archive else None
+    if found is None or not found[1].rig:
+        return b"", ""
+    return _rig(str(Path(source.archive).parent / found[1].rig))
+
+
+@cache
+def _rig(name: str) -> tuple[bytes, str]:
+    try:
+        return rig_named(name)
+    except InputError:
+        return b"", ""
 
 
 def rate_notes(sources: Sequence[Source], rates: Mapping[str, float | None]) -> list[str]:
