@@ -117,11 +117,11 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "robot", (".csv",), "stages.shared.formats.robot_csv:read_robot_csv", _looks_robot,
-        "joint angles of a robot on its URDF: the root's place and quaternion (x, y, z, w), then an angle a joint in"
-        " the URDF's order, or in that of a first line of names; the URDF lies in the same folder, in the one above,"
-        " anywhere in the same archive, or is given with `--skeleton`",
-        "Z up, metres, radians. No rate stands in it: 30 is taken (`--fps-override`). Joints that slide are refused."
-        " Meshes are never opened: where feet and hands end comes from solids and fixed links.",
+        "joint angles of a robot with its URDF: the root's place and quaternion (x, y, z, w), then one angle per"
+        " joint in the URDF's order, or in that of a first line of names; the URDF is in the same folder, in the one"
+        " above, anywhere in the same archive, or given with `--skeleton`",
+        "Z up, metres, radians. It states no rate: 30 is assumed (`--fps-override`). Joints that slide are refused."
+        " Meshes are never opened: the ends of feet and hands come from solids and fixed links.",
         shared=True, rig=".urdf",
     ),
     Format(
@@ -210,11 +210,13 @@ def rig_beside(source: Source, suffix: str) -> Source | None:
 
 
 def recordings_in(source: Source, asked: Asked) -> list[Recording]:
-    """The clips of a file of any format. Raises InputError naming it where it is not a recording."""
+    """The clips of a file of any format. Raises InputError naming the file if it is not a recording."""
     data = source.read()
     chosen = recognise(data, source.name)
     if chosen is None:
-        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+        raise InputError(
+            f"{source.name} is not a recording in a format that pumps reads.", "docs/formats.md lists the formats."
+        )
     return read_recordings(data, source, chosen, asked)
 
 
