@@ -3,9 +3,9 @@
     python benchmarks/rooms.py [infill] [train-lms] [--json]
 
 The run is traced call by call. A room counts when one of its functions is called; code that runs while modules are
-imported does not count. A climb is a room that calls into a room which was entered before it: a reader who follows the
-calls goes back up. Each pair of rooms counts once, however often one calls the other. To compare with another version
-of the code, give its folder as PYTHONPATH.
+imported does not count. A climb is a room that calls into a room which was entered before it: a reader who follows
+the calls goes back up. Each pair of rooms counts once, however often one calls the other. To compare with another
+version of the code, give its folder as PYTHONPATH.
 """
 
 from __future__ import annotations

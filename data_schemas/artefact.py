@@ -1,8 +1,8 @@
-"""The write side of an artefact, and the one module to import artefacts from.
+"""Writing artefacts. This is the module to import for all work with artefacts.
 
-Order of a write: a draft folder inside the artefact is filled, hashed, flushed to the disk and renamed to its
-content's name; then the new manifest replaces the old one in one step; only then the old data are removed. An
-exception or a kill at any instant leaves the old artefact whole. What a kill leaves behind goes at the next write.
+Order of a write: a draft folder inside the artefact is filled, hashed, flushed to the disk and renamed by its
+content; then the new manifest replaces the old one in one step; only then the old data are removed. An exception or a
+kill at any instant leaves the old artefact whole. The next write removes what a killed write left behind.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _OURS = re.compile(r"\.draft-[0-9a-f]+|\.manifest-[0-9a-f]+|data-[0-9a-f]{16}(-[
 
 @dataclass
 class Draft:
-    """An artefact in the making: files go to `folder`, words to `summary`, sources' licences to `licences`."""
+    """An artefact being written: put files into `folder`, facts into `summary`, sources' licences into `licences`."""
 
     folder: Path
     summary: dict[str, Any] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class Draft:
 
 
 def partial_folder(path: str | os.PathLike[str]) -> Path:
-    """The folder for unfinished, resumable work on the artefact `path`: NAME.partial beside it. Not created here."""
+    """The folder for unfinished, resumable work on the artefact `path`: NAME.partial beside it. It is not created."""
     path = Path(path)
     return path.with_name(path.name + ".partial")
 
@@ -83,21 +83,21 @@ def write_artefact(
     inputs: Sequence[str | os.PathLike[str] | Artefact] = (),
     licences: Iterable[str] = (),
 ) -> Iterator[Draft]:
-    """Write the artefact `path`; it appears whole, or not at all, when the block ends.
+    """Write the artefact `path`. It appears when the block ends, complete or not at all.
 
     Args:
-        path: the folder to write, made with its parents; an artefact of the same kind in it is replaced.
+        path: the folder to write, created with its parents; an artefact of the same kind in it is replaced.
         kind: one of KINDS.
         stage: the stage's name, for provenance.
-        config: the stage's whole config; turned into plain data.
-        inputs: artefacts, or source files and folders; digests are taken as the block begins.
+        config: the stage's whole config; converted to plain data.
+        inputs: artefacts, or source files and folders; their digests are computed when the block begins.
         licences: of new sources; the inputs' licences are added.
 
     Yields:
         Draft, whose folder's files become the artefact.
 
     Raises:
-        UsageError: `path` holds something else, which is left alone.
+        UsageError: `path` holds something else, which is left unchanged.
         InputError: an input is missing or damaged.
         PumpsError: another process is writing `path`, or it cannot be written.
     """
@@ -137,7 +137,7 @@ def write_artefact(
 
 
 def plain_data(value: Any) -> Any:
-    """`value` as what JSON can hold: mappings, lists, text, finite numbers; paths become text, NaN becomes None."""
+    """`value` converted to mappings, lists, text and finite numbers for JSON; paths become text, NaN becomes None."""
     if isinstance(value, Mapping):
         return {str(key): plain_data(inner) for key, inner in value.items()}
     if isinstance(value, (set, frozenset)):
@@ -193,7 +193,7 @@ def _make_folder(path: Path) -> None:
 
 
 def _refuse_foreign(path: Path, kind: str) -> None:
-    """Leave alone what is no artefact of this kind: a mistyped output must not cost a trained network."""
+    """Raise UsageError if `path` holds anything but an artefact of this kind: it must not be replaced by mistake."""
     if not os.path.lexists(path / MANIFEST_NAME):
         return
     try:
@@ -203,22 +203,23 @@ def _refuse_foreign(path: Path, kind: str) -> None:
         found = None
     if found is None:
         raise UsageError(
-            f"{path} holds a {MANIFEST_NAME} that is none of pumps, or damaged.", "Delete it or give another output."
+            f"{path} holds a {MANIFEST_NAME} that pumps did not write, or that is damaged.",
+            "Delete it or give another output.",
         )
     if found != kind:
         raise UsageError(
-            f"{path} holds a {found!r} artefact, and a {kind!r} artefact would replace it.",
+            f"{path} holds a {found!r} artefact; a {kind!r} artefact must not replace it.",
             "Delete it or give another output.",
         )
 
 
 def _remove_leftovers(path: Path) -> None:
-    """Remove what earlier writes left: drafts, and data folders that the manifest does not name."""
+    """Remove leftovers of earlier writes: drafts, and data folders that the manifest does not name."""
     current = None
     if os.path.lexists(path / MANIFEST_NAME):
         try:
             current = read_manifest(path).data
-        except InputError:  # damaged or newer: what it names is unknown, so nothing of its data is touched
+        except InputError:  # damaged or newer: its data folder is unknown, so no data folder is removed
             return
     for entry in path.iterdir():
         if _OURS.fullmatch(entry.name) and entry.name != current:
@@ -230,12 +231,14 @@ def _remove_leftovers(path: Path) -> None:
 
 
 def _hash_and_flush(folder: Path) -> dict[str, str]:
-    """Sha256 of every file in `folder`, each flushed to the disk. Raises PumpsError for anything but plain files."""
+    """Flush every file in `folder` to the disk and return its sha256. Raises PumpsError for all but plain files."""
     files: dict[str, str] = {}
     for found in sorted(folder.rglob("*")):
         name = found.relative_to(folder).as_posix()
         if found.is_symlink() or not (found.is_file() or found.is_dir()) or not is_inner_name(name):
-            raise PumpsError(f"{name!r} cannot be part of an artefact: only plain files with plain names can.")
+            raise PumpsError(
+                f"{name!r} cannot be part of an artefact: only plain files with plain names are allowed."
+            )
         if found.is_file():
             files[name] = sha256_of_file(found)
         _flush(found)
@@ -246,14 +249,14 @@ def _hash_and_flush(folder: Path) -> dict[str, str]:
 
 
 def _settle(draft: Path, digest: str, files: Mapping[str, str]) -> str:
-    """Rename the draft to its content's name and return that name; an equal folder that is there already is used."""
+    """Rename the draft by its content and return the name; an equal folder that exists already is used instead."""
     name = first = f"{DATA_PREFIX}{digest[:16]}"
     attempt = 1
     while (draft.parent / name).exists():
         if _holds(draft.parent / name, files):
             shutil.rmtree(draft)
             return name
-        # The name is taken by a damaged copy of the same content: leave it to be removed after the swap.
+        # A damaged copy of the same content has this name; it is removed after the manifest is replaced.
         attempt += 1
         name = f"{first}-{attempt}"
     os.rename(draft, draft.parent / name)
@@ -281,7 +284,7 @@ def _swap_manifest(path: Path, manifest: Manifest) -> None:
 
 
 def _flush(path: Path) -> None:
-    """Force a file or folder to the disk, so that a power cut cannot leave a manifest that names lost bytes."""
+    """Flush a file or folder to the disk, so that after a power cut no manifest names files that were lost."""
     with suppress(PermissionError):  # folders cannot be opened on every system
         descriptor = os.open(path, os.O_RDONLY)
         try:
@@ -291,7 +294,7 @@ def _flush(path: Path) -> None:
 
 
 def _remove_if_empty(path: Path) -> None:
-    """A failed first write leaves no empty folder behind."""
+    """Remove the folder if a failed first write left it empty."""
     with suppress(OSError):
         if not any(entry.name != ".lock" for entry in path.iterdir()):
             (path / ".lock").unlink(missing_ok=True)

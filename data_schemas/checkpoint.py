@@ -1,8 +1,8 @@
-"""The `checkpoint` artefact: a trained network, and enough to go on training it.
+"""The `checkpoint` artefact: a trained network, and the state needed to continue its training.
 
-Weights and optimiser are safetensors, config is JSON, the log is Parquet: nothing in it can run code. What is larger
-than `SHARD_BYTES` lies in several files, `model-00001-of-00003.safetensors`, each with whole arrays: small enough for
-any place that limits how large a file may be.
+Weights and optimiser are safetensors, config is JSON, the log is Parquet: reading them cannot run code. Arrays larger
+than `SHARD_BYTES` together are split over several files, `model-00001-of-00003.safetensors` and so on, for hosts that
+limit the size of a file; an array is never split.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class Checkpoint:
     """A checkpoint in memory.
 
     weights:   parameter name -> array.
-    config:    what the network is built from, and what else its training must remember; plain data.
-    optimiser: name -> array of the optimiser's state, or None where it was left out.
-    log:       one mapping a logged step.
-    card:      Markdown for people: what it is, trained on what, under which licences.
+    config:    the network's settings, and other facts of its training; plain data.
+    optimiser: name -> array of the optimiser's state, or None if it is not stored.
+    log:       one mapping per logged step.
+    card:      Markdown for people: what the network is, its training data and licences.
     trainings: the trainings that the weights went through, the first one first; kept in `config.json`.
     """
 
@@ -71,7 +71,7 @@ def write_checkpoint(
     card: str,
     trainings: Sequence[Training] = (),
 ) -> None:
-    """Write a checkpoint's files into an existing folder (`Draft.folder`, or one of resumable work).
+    """Write a checkpoint's files into an existing folder (`Draft.folder`, or a folder of resumable work).
 
     Arrays are float32, float16 or any NumPy number; the same content gives the same bytes.
     """
@@ -86,7 +86,7 @@ def write_checkpoint(
 
 
 def log_bytes(log: Sequence[Mapping[str, Any]]) -> bytes:
-    """A log as a Parquet file: a column a name, empty where a row has none of it."""
+    """Write a log as a Parquet file: one column per name, null where a row lacks it."""
     columns = sorted({name for entry in log for name in entry})
     table = pa.table({name: [entry.get(name) for entry in log] for name in columns})
     buffer = io.BytesIO()
@@ -99,7 +99,7 @@ def read_checkpoint(artefact: Artefact | str | os.PathLike[str], *, optimiser: b
 
     Args:
         artefact: an open artefact, or its path.
-        optimiser: False leaves the optimiser's state on the disk (to use a network rather than train it).
+        optimiser: False does not read the optimiser's state (for using a network, not training it).
 
     Raises:
         InputError: missing, of another kind, newer than this pumps, or damaged.
@@ -142,13 +142,13 @@ def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = 
 def _save(arrays: Mapping[str, np.ndarray], path: Path) -> None:
     shards = _in_shards(arrays)
     for number, names in enumerate(shards, 1):
-        # safetensors writes a strided view's memory as it lies, so every array is laid out in order first.
+        # safetensors writes the memory of a strided view in the wrong order, so every array is made contiguous first.
         content = {name: np.array(arrays[name], order="C") for name in names}
         save_file(content, path if len(shards) == 1 else _shard(path, number, len(shards)))
 
 
 def _in_shards(arrays: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """The arrays' names, sorted, cut where a file would grow over the limit; an array is never cut."""
+    """The arrays' sorted names, grouped into files that stay under the limit; an array is never split."""
     shards: list[list[str]] = [[]]
     size = 0
     for name in sorted(arrays):
@@ -170,13 +170,13 @@ def _is_there(path: Path) -> bool:
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of one file, or of all its shards. Raises InputError where any is missing or damaged."""
+    """The arrays of one file, or of all its shards. Raises InputError if any is missing or damaged."""
     first = sorted(path.parent.glob(f"{path.stem}-00001-of-*{path.suffix}"))
     if path.exists() or not first:
         return _load_file(path)
     count = first[0].stem.rpartition("-")[2]
     if len(first) > 1 or not count.isdecimal() or not 1 < int(count) < _MOST_SHARDS:
-        raise InputError(f"{first[0]} is damaged: it is no first part of a whole.", "Train it again.")
+        raise InputError(f"{first[0]} is damaged: its name does not match its number of parts.", "Train it again.")
     arrays: dict[str, np.ndarray] = {}
     for number in range(1, int(count) + 1):
         arrays |= _load_file(_shard(path, number, int(count)))
@@ -189,5 +189,5 @@ def _load_file(path: Path) -> dict[str, np.ndarray]:
             return load_file(path)
         except SafetensorError as error:
             raise InputError(
-                f"{path} is damaged: it is no safetensors file ({error}).", "The stage that made it makes it again."
+                f"{path} is damaged: it is no safetensors file ({error}).", "Run the stage that made it again."
             ) from None

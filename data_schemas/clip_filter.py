@@ -1,8 +1,8 @@
-"""Choosing clips by what their index says: `foot_skate < 0.1 and not t_pose and archive == "walks.zip"`.
+"""Selecting clips by the columns of their index: `foot_skate < 0.1 and not t_pose and archive == "walks.zip"`.
 
-The words are the index's columns, and `archive`, the file or archive that a clip came from. Comparisons, `and`, `or`,
-`not`, `in`, brackets, numbers, "texts", true and false; nothing else is understood, and nothing is ever run. Arrow
-does the comparing. A figure that is not known satisfies no comparison.
+Names are the index's columns, and `archive`, the file or archive that a clip came from. Allowed are comparisons,
+`and`, `or`, `not`, `in`, brackets, numbers, "texts", true and false; the expression is never run as code. Arrow
+evaluates the comparisons. An unknown value satisfies no comparison.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ _HINT = "For example: --where 'foot_skate < 0.1 and not t_pose'."
 
 
 def clips_where(rows: Sequence[ClipRow], expression: str | None) -> tuple[ClipRow, ...]:
-    """The rows that satisfy an expression, in their order; all of them where there is none.
+    """The rows that satisfy an expression, in their order; all rows if there is no expression.
 
-    Raises: UsageError for an expression that is not understood, or that no clip satisfies.
+    Raises: UsageError for an invalid expression, or one that no clip satisfies.
     """
     if expression is None or not expression.strip():
         return tuple(rows)
@@ -46,7 +46,7 @@ def clips_where(rows: Sequence[ClipRow], expression: str | None) -> tuple[ClipRo
         kept = table.append_column("row", pa.array(range(len(rows)))).filter(condition)["row"].to_pylist()
     except (pa.ArrowException, TypeError) as error:
         raise UsageError(
-            f"The expression {expression!r} compares what cannot be compared ({error}).", _HINT
+            f"The expression {expression!r} compares values of different types ({error}).", _HINT
         ) from None
     if not kept:
         raise UsageError(f"No clip satisfies {expression!r}.", "pumps artefact show PATH lists the clips.")
@@ -54,7 +54,7 @@ def clips_where(rows: Sequence[ClipRow], expression: str | None) -> tuple[ClipRo
 
 
 class _Condition:
-    """An expression as Arrow's."""
+    """The Arrow expression of a text."""
 
     def __init__(self, text: str, columns: Sequence[str]):
         self.text, self.columns, self.names_a_column = text, columns, False
@@ -66,7 +66,7 @@ class _Condition:
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise self._fault("it is no comparison") from None
         if not self.names_a_column or isinstance(self.condition, bool | int | float | str):
-            raise self._fault("it names no column")
+            raise self._fault("it uses no column")
 
     def _of(self, node: ast.expr) -> Any:
         if isinstance(node, ast.BoolOp):
@@ -91,7 +91,7 @@ class _Condition:
             found = self._of(left).isin([self._constant(item) for item in right.elts])
             return found if isinstance(op, ast.In) else ~found
         if type(op) not in _COMPARE:
-            raise self._fault("it compares in a way that is not known")
+            raise self._fault("it uses a comparison that is not allowed")
         return _COMPARE[type(op)](self._of(left), self._of(right))
 
     def _named(self, name: str) -> Any:
@@ -105,7 +105,7 @@ class _Condition:
     def _constant(self, node: ast.expr) -> Any:
         if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float | str):
             return node.value if not isinstance(node.value, bool) else pc.scalar(node.value)
-        raise self._fault(f"{ast.unparse(node)!r} is not understood")
+        raise self._fault(f"{ast.unparse(node)!r} is not allowed")
 
     def _fault(self, why: str) -> UsageError:
         return UsageError(f"The expression {self.text[:200]!r} cannot be used: {why}.", _HINT)

@@ -1,4 +1,4 @@
-"""What the artefacts made of clips (motion, tpc, latent) share: the index, and an HDF5 file with one group a clip."""
+"""The common parts of artefacts of clips (motion, tpc, latent): the index, and an HDF5 file with a group per clip."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class ClipRow:
     """One clip in the index of an artefact.
 
     clip:     its name, unique in the artefact.
-    source:   where it came from: a path, or "archive.zip!member".
+    source:   the file it was read from: a path, or "archive.zip!member".
     sha256:   of the source's bytes.
     skeleton: id of its skeleton in the motion artefact; "" for clouds that have none.
-    frames:   how many, at `fps` frames per second; `seconds` = frames / fps.
+    frames:   number of frames, at `fps` frames per second; `seconds` = frames / fps.
     split:    "train", "val" or "test".
     licence:  of the source.
-    flags:    what was done to it at ingest, words separated by spaces.
-    quality:  what ingest measured of it; each figure is a column of its own.
+    flags:    changes that ingest made to it, words separated by spaces.
+    quality:  measures that ingest took of it; each is a column of its own.
     """
 
     clip: str
@@ -65,7 +65,7 @@ _INDEX = pa.schema(
 
 
 def index_table(rows: Sequence[ClipRow]) -> pa.Table:
-    """The index as a table: one row a clip, the figures of its quality as columns."""
+    """The index as a table: one row per clip, each measure of its quality a column."""
     flat = [{f.name: getattr(row, f.name) for f in _FIELDS} | asdict(row.quality) for row in rows]
     return pa.Table.from_pylist(flat, schema=_INDEX)
 
@@ -81,7 +81,7 @@ def write_clips(folder: Path, rows: list[ClipRow]) -> None:
 
 
 def read_clips(folder: Path) -> tuple[ClipRow, ...]:
-    """Read the index of `folder`. Raises InputError if it is missing, damaged or says what cannot be."""
+    """Read the index of `folder`. Raises InputError if it is missing, damaged or holds impossible values."""
     path = folder / CLIPS_NAME
     with reading(path):
         table = pq.ParquetFile(path).read()
@@ -101,7 +101,7 @@ def read_clips(folder: Path) -> tuple[ClipRow, ...]:
 def _fault_of(row: ClipRow) -> str | None:
     name = row.clip
     if not name or name in (".", "..") or "/" in name or not name.isprintable() or len(name) > 500:
-        return f"names a clip {name[:100]!r}, and a clip's name is printable text without '/'"
+        return f"names a clip {name[:100]!r}, but a clip's name must be printable text without '/'"
     if row.frames < 1:
         return f"gives the clip {name!r} {row.frames} frames"
     if not (np.isfinite(row.fps) and row.fps > 0):
@@ -116,7 +116,7 @@ _Reader = TypeVar("_Reader", bound="ClipReader")
 
 
 class ClipWriter:
-    """Base of the writers: an HDF5 file with `/clips/<clip>` groups, and the index written by `close`."""
+    """Base of the writers: an HDF5 file with groups `/clips/<clip>`; `close` writes the index."""
 
     FILE: ClassVar[str]
 
@@ -138,7 +138,7 @@ class ClipWriter:
         return self._clips.create_group(row.clip)
 
     def close(self) -> None:
-        """Write the index and close the file. Without it the folder is no whole artefact."""
+        """Write the index and close the file. Without this call the artefact is incomplete."""
         if self._file:
             self._file.close()
             write_clips(self._folder, list(self._rows.values()))
@@ -154,7 +154,7 @@ class ClipWriter:
 
 
 class ClipReader:
-    """Base of the readers: opens the artefact (an older version through its migrations), knows the clips.
+    """Base of the readers: opens the artefact (an older version through its migrations) and reads its index.
 
     Args:
         artefact: an open artefact, or its path.
@@ -181,14 +181,14 @@ class ClipReader:
             self._rows = {row.clip: row for row in self.clips}
             self._path = self.folder / self.FILE
             with reading(self._path):
-                # Its files never change once they are named, so no lock is needed (and some file systems have none).
+                # An artefact's files never change, so no lock is needed (and some file systems have none).
                 self._file = h5py.File(self._path, "r", locking=False)
         except BaseException:
             self._clean()
             raise
 
     def row(self, clip: str) -> ClipRow:
-        """The index row of a clip. Raises InputError for a name that is not there."""
+        """The index row of a clip. Raises InputError for an unknown name."""
         try:
             return self._rows[clip]
         except KeyError:
@@ -200,7 +200,7 @@ class ClipReader:
         end = row.frames if stop is None else stop
         if not 0 <= start < end <= row.frames:
             raise InputError(
-                f"The frames {start} to {end} are not within the clip {row.clip!r}, which has {row.frames}."
+                f"The frames {start} to {end} are outside the clip {row.clip!r}, which has {row.frames} frames."
             )
         return slice(start, end)
 
@@ -223,5 +223,5 @@ class ClipReader:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # An open HDF5 file cannot travel to a worker process; opening it again there can.
+        # An open HDF5 file cannot be sent to a worker process, so the worker opens the artefact again.
         return type(self), (self.artefact,)

@@ -1,4 +1,4 @@
-"""One way to say that a file is damaged, whichever library found out."""
+"""One error for damaged files, whichever library detects the damage."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from data_schemas.errors import InputError
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn whatever the libraries raise on a damaged file into one InputError that names it."""
+    """Turn the errors that libraries raise on a damaged file into one InputError that names the file."""
     try:
         yield
     except InputError:
@@ -34,6 +34,6 @@ def reading(path: Path) -> Iterator[None]:
     ) as e:
         reason = " ".join(str(e).split())[:200]
         raise InputError(
-            f"{path} is damaged or no file of this kind ({reason}).",
-            "`pumps artefact verify` says which files have changed; the stage that made it makes it again.",
+            f"{path} is damaged, or of another kind ({reason}).",
+            "`pumps artefact verify` lists the files that have changed; run the stage that made it again.",
         ) from None

@@ -1,14 +1,14 @@
-"""The errors of pumps: one sentence that names the file, line or field, and a hint that says the mend."""
+"""The errors of pumps: one sentence that names the file, line or field, and a hint how to correct it."""
 
 from __future__ import annotations
 
 
 class PumpsError(Exception):
-    """Something pumps could not do. The command line prints it as one sentence and leaves with `exit_code`.
+    """An error that pumps reports to the user. The command line prints it and exits with `exit_code`.
 
     Args:
-        message: what is wrong, naming the file, line, field or frame, expected and found.
-        hint: what the user can do about it; a full sentence, or None.
+        message: the fault, with the file, line, field or frame, and the expected and found values.
+        hint: how the user can correct it; a full sentence, or None.
     """
 
     exit_code = 1
@@ -23,12 +23,12 @@ class PumpsError(Exception):
 
 
 class UsageError(PumpsError):
-    """The command was asked for something that its options cannot mean (exit code 2)."""
+    """The options of a command are invalid or contradict each other (exit code 2)."""
 
     exit_code = 2
 
 
 class InputError(PumpsError):
-    """A file that was given is bad: truncated, of the wrong kind, out of range, not a humanoid (exit code 3)."""
+    """An input file is bad: truncated, of the wrong kind, out of range, not a humanoid (exit code 3)."""
 
     exit_code = 3

@@ -1,4 +1,4 @@
-"""Arrays and texts in HDF5 files: written for reading windows of them, read with distrust."""
+"""Arrays and texts in HDF5 files: chunked for reading windows, and checked when they are read."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 import h5py
 import numpy as np
 
-CHUNK_FRAMES = 256  # a training window of 128 frames touches one chunk or two
+CHUNK_FRAMES = 256  # a training window of 128 frames lies in one or two chunks
 _UNIT_TOLERANCE = 0.01
 _TEXT_LIMIT_BYTES = 64 * 2**20
 
 
 def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
-    """Store an array (T, ...) chunked along time, compressed and check-summed, for reading windows of it."""
+    """Store an array (T, ...) chunked along time, compressed and with checksums, for reading windows of it."""
     chunks = (min(CHUNK_FRAMES, values.shape[0]), *values.shape[1:])
     if 0 in chunks:
         group.create_dataset(name, data=values)
@@ -24,7 +24,7 @@ def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
 def read_frames(
     group: h5py.Group, name: str, window: slice, shape: tuple[int | None, ...], frames: int
 ) -> np.ndarray:
-    """Read the window of the array `name`; `shape` is that of one frame, None where any size will do.
+    """Read the window of the array `name`; `shape` is that of one frame, None for an axis of any size.
 
     Raises:
         ValueError: the stored array has another shape than the index and the skeleton say, or is not finite.
@@ -36,7 +36,7 @@ def read_frames(
     ):
         raise ValueError(f"{group.name}/{name} has the shape {stored.shape}, expected {expected}")
     if stored.dtype.kind not in "fiu" or stored.dtype.itemsize > 8:
-        raise ValueError(f"{group.name}/{name} holds {stored.dtype}, no plain numbers")
+        raise ValueError(f"{group.name}/{name} holds {stored.dtype}, expected plain numbers")
     values = np.asarray(stored[window])
     if not np.isfinite(values).all():
         raise ValueError(f"{group.name}/{name} has values that are not finite")
@@ -44,7 +44,7 @@ def read_frames(
 
 
 def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None, ...]) -> np.ndarray:
-    """Read the small array `name`, whose shape must be `shape` (None: any size). Raises ValueError otherwise."""
+    """Read the small array `name` of the shape `shape` (None: any size). Raises ValueError for another shape."""
     stored = _dataset_in(group, name)
     if len(stored.shape) != len(shape) or any(
         e is not None and e != s for s, e in zip(stored.shape, shape, strict=True)
@@ -56,12 +56,12 @@ def read_whole(group: h5py.Group, name: str, dtype: Any, shape: tuple[int | None
 
 
 def write_text(group: h5py.Group, name: str, text: str) -> None:
-    """Store a text as UTF-8 bytes; bytes that were no UTF-8 in the source (lone surrogates) survive."""
+    """Store a text as UTF-8 bytes; bytes of the source that were not UTF-8 (lone surrogates) are kept."""
     group.create_dataset(name, data=np.frombuffer(text.encode("utf-8", "surrogatepass"), np.uint8))
 
 
 def read_text(group: h5py.Group, name: str) -> str:
-    """Read what `write_text` wrote. Raises ValueError if it is no such text."""
+    """Read a text that `write_text` stored. Raises ValueError for other data."""
     stored = _dataset_in(group, name)
     if stored.dtype != np.uint8 or stored.ndim != 1 or stored.shape[0] > _TEXT_LIMIT_BYTES:
         raise ValueError(f"{group.name}/{name} is no text")
@@ -69,13 +69,13 @@ def read_text(group: h5py.Group, name: str) -> str:
 
 
 def are_unit(rotations: np.ndarray) -> bool:
-    """Whether all quaternions (..., 4) have unit length, but for what rounding may do to it."""
+    """Whether all quaternions (..., 4) have unit length, within rounding errors."""
     with np.errstate(all="ignore"):
         return bool((np.abs(np.square(rotations, dtype=np.float32).sum(-1) - 1) < _UNIT_TOLERANCE).all())
 
 
 def group_in(parent: h5py.Group, name: str) -> h5py.Group:
-    """The group `name` right in `parent`. Raises ValueError if there is none."""
+    """The group `name` in `parent` itself. Raises ValueError if there is none."""
     item = _member(parent, name)
     if not isinstance(item, h5py.Group):
         raise ValueError(f"{parent.name}/{name} is no group")
@@ -90,7 +90,7 @@ def _dataset_in(parent: h5py.Group, name: str) -> h5py.Dataset:
 
 
 def _member(parent: h5py.Group, name: str) -> object:
-    # Only what lies in this very file: a made-up file could link to others.
+    # Links are refused: a hostile file could link to other files.
     if not name or "/" in name or name == "." or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         raise ValueError(f"{parent.name}/{name} is missing")
     return parent[name]

@@ -1,4 +1,4 @@
-"""The kinds of artefact, the version each is written in, and what each is."""
+"""The kinds of artefact, their current versions and their contents."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Kind(NamedTuple):
-    """What is known of one kind of artefact."""
+    """One kind of artefact."""
 
     schema_version: int
     what: str

@@ -1,4 +1,4 @@
-"""The `latent` artefact: what the frame encoder made of every frame.
+"""The `latent` artefact: the frame encoder's output for every frame.
 
 `latents.h5`:
     attribute encoder_digest
@@ -37,10 +37,10 @@ class LatentWriter(ClipWriter):
         self._width: int | None = None
 
     def add(self, row: ClipRow, latents: np.ndarray, centroids: np.ndarray) -> None:
-        """Store a clip: latents (T, D) kept as float16 if they are, float32 otherwise; centroids (T, 3) metres.
+        """Store a clip: latents (T, D), float16 if given so, else float32; centroids (T, 3) metres.
 
         Raises:
-            InputError: shapes that do not belong together, another width than before, or values that are not finite.
+            InputError: the shapes do not match, the width differs from earlier clips', or values are not finite.
         """
         width = latents.shape[-1] if self._width is None else self._width
         for name, values, shape in (
@@ -58,7 +58,7 @@ class LatentWriter(ClipWriter):
 
 
 class LatentReader(ClipReader):
-    """Reads a `latent` artefact. `clips` is its index; `encoder_digest` says which checkpoint made it."""
+    """Reads a `latent` artefact. `clips` is its index, `encoder_digest` the digest of the checkpoint that made it."""
 
     KIND = "latent"
     FILE = "latents.h5"
@@ -69,7 +69,7 @@ class LatentReader(ClipReader):
             self.encoder_digest = str(self._file.attrs["encoder_digest"])
 
     def check_encoder(self, digest: str) -> None:
-        """Raises InputError unless these latents were made by the checkpoint with this digest."""
+        """Raise InputError unless these latents were made by the checkpoint with this digest."""
         if digest != self.encoder_digest:
             raise InputError(
                 f"{self.artefact.path} was made by another encoder ({self.encoder_digest[:12]}) than the one given "

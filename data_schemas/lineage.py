@@ -1,4 +1,4 @@
-"""Is an artefact as it was written, and where does it come from?"""
+"""Verifying that an artefact is unchanged, and listing what it was made from."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from data_schemas.manifest import Artefact, InputRef, digest_of, open_artefact, 
 
 State = Literal["same", "changed", "missing", "damaged", "cyclic", "unchecked"]
 
-_DEPTH_LIMIT = 32  # no pipeline is so deep or so wide; a made-up manifest could be
+_DEPTH_LIMIT = 32  # far beyond any real pipeline; a hostile manifest could be deeper or wider
 _NODE_LIMIT = 2000
 
 
@@ -20,14 +20,14 @@ _NODE_LIMIT = 2000
 class LineageNode:
     """One artefact or source file in the tree of what an artefact was made from.
 
-    path:   where it was looked for.
+    path:   where it was expected.
     kind:   kind of artefact, "file" or "folder".
     stage:  the stage that wrote it; "" for sources and for what could not be read.
-    digest: its digest as its user recorded it; for the tree's root, its own.
-    state:  "same" as its user read it, "changed" since, "missing", "damaged", "cyclic" (a made-up manifest),
+    digest: its digest as recorded by the artefact that was made from it; for the tree's root, its own.
+    state:  "same" as when it was read, "changed" since then, "missing", "damaged", "cyclic" (a faulty manifest),
             or "unchecked" (a folder of sources, which is not read again; or a tree too large to follow).
-    created_by, licences: as in its manifest.
-    inputs: what it was made from.
+    created_by, licences: those of its manifest.
+    inputs: the artefacts and files it was made from.
     """
 
     path: Path
@@ -44,10 +44,10 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
     """Compare an artefact's files with its manifest, byte for byte.
 
     Returns:
-        One sentence for each problem; empty if all is as it was written.
+        One sentence for each problem; empty if nothing has changed.
 
     Raises:
-        InputError: `path` is no artefact at all (missing, or its manifest cannot be read).
+        InputError: `path` is not an artefact (it is missing, or its manifest cannot be read).
     """
     artefact = open_artefact(path)
     manifest = artefact.manifest
@@ -65,14 +65,14 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
         if not extra.is_dir() and name not in manifest.files:
             problems.append(f"{name} is not listed in the manifest.")
     if manifest.digest != digest_of(manifest.kind, manifest.schema_version, manifest.files):
-        problems.append("The manifest's digest does not belong to the files it lists.")
+        problems.append("The manifest's digest does not match the files it lists.")
     return problems
 
 
 def lineage(path: str | os.PathLike[str]) -> LineageNode:
-    """The tree of what `path` was made from, each input looked for where it was recorded.
+    """The tree of the inputs from which `path` was made, each input looked up at its recorded path.
 
-    Digests of artefacts are compared by their manifests, those of source files by their bytes.
+    The digest of an artefact is taken from its manifest, that of a source file is computed from its bytes.
 
     Raises:
         InputError: `path` itself cannot be opened.
@@ -82,7 +82,7 @@ def lineage(path: str | os.PathLike[str]) -> LineageNode:
 
 
 class _Walk:
-    """One walk up the inputs. Manifests may be made up, so it is bounded, and a source file is read once."""
+    """One walk over the inputs. It is bounded, since manifests may be hostile; each source file is read once."""
 
     def __init__(self) -> None:
         self._source_digests: dict[Path, str] = {}
@@ -120,7 +120,7 @@ class _Walk:
                 return self.node(open_artefact(path), reference.digest, above)
         except InputError:
             state = "damaged"
-        except (OSError, ValueError):  # no path that this system could have
+        except (OSError, ValueError):  # not a valid path on this system
             state = "missing"
         return LineageNode(path, reference.kind, "", reference.digest, state)
 

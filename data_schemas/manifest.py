@@ -1,12 +1,12 @@
-"""The read side of an artefact: what its manifest says, and how it is opened.
+"""Reading artefacts: the manifest, and opening an artefact.
 
-An artefact is the folder that the user names. It holds `manifest.json` and one data folder, named by its content,
-that the manifest points at:
+An artefact is the folder that the user names. It holds `manifest.json` and one data folder, which is named after a
+digest of its content and is recorded in the manifest:
 
     NAME/manifest.json
     NAME/data-1f0c.../motions.h5, clips.parquet
 
-The manifest is replaced in one step, so whoever reads it finds the old artefact or the new one, whole.
+The manifest is replaced in one step, so a reader finds either the whole old artefact or the whole new one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from data_schemas.version import PUMPS_VERSION
 
 MANIFEST_NAME = "manifest.json"
 DATA_PREFIX = "data-"
-MANIFEST_LIMIT_BYTES = 256 * 2**20  # no honest manifest comes near; a hostile one must not fill the memory
+MANIFEST_LIMIT_BYTES = 256 * 2**20  # far more than any real manifest; a hostile one must not fill the memory
 
 _DATA_FOLDER = re.compile(r"data-[0-9a-f]{16}(-[0-9]+)?")
 _FILE_PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -41,9 +41,9 @@ Result = TypeVar("Result")
 class InputRef(BaseModel):
     """One input of an artefact.
 
-    path:   where it lay, relative to the artefact's own folder (so that a run folder can be moved as a whole).
-    kind:   the artefact's kind, or "file" or "folder" for sources that are no artefact.
-    digest: its digest at the time it was read.
+    path:   its path relative to the artefact's own folder (so that a run folder can be moved as a whole).
+    kind:   the artefact's kind, or "file" or "folder" for sources.
+    digest: its digest when it was read.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
@@ -54,17 +54,17 @@ class InputRef(BaseModel):
 
 
 class Manifest(BaseModel):
-    """What `manifest.json` holds.
+    """The content of `manifest.json`.
 
-    kind, schema_version: which reader reads it.
+    kind, schema_version: these determine its reader.
     created_by: "pumps 0.1.0".
-    stage:      the stage that wrote it, and `config`, the whole config it ran with.
-    inputs:     what it was made from.
+    stage:      the stage that wrote it; `config`: the whole config of that run.
+    inputs:     the artefacts and files it was made from.
     data:       the name of the data folder beside the manifest.
-    files:      relative file name -> sha256, and `digest`, the digest of kind, version and files together. No time
-                enters it: the same inputs, config and seed give the same digest.
-    licences:   of the sources, own and inherited from the inputs.
-    summary:    what the stage had to say, plain data.
+    files:      relative file name -> sha256; `digest`: the digest of kind, version and files together. It depends on
+                no time: the same inputs, config and seed give the same digest.
+    licences:   of its own sources and of its inputs.
+    summary:    facts that the stage reports, plain data.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
@@ -101,7 +101,7 @@ class Manifest(BaseModel):
 
 @dataclass(frozen=True)
 class Artefact:
-    """An artefact as found on the disk: `path` as the user names it, `folder` with its data files, the manifest."""
+    """An artefact on the disk: `path` as the user names it, `folder` with its data files, and the manifest."""
 
     path: Path
     folder: Path
@@ -118,12 +118,12 @@ class Artefact:
 
 
 def is_inner_name(name: str) -> bool:
-    """Whether `name` is a relative path of plain parts, which cannot climb out of its folder."""
+    """Whether `name` is a relative path of plain parts, which cannot lead out of its folder."""
     return all(_FILE_PART.fullmatch(part) for part in name.split("/"))
 
 
 def sha256_of_file(path: Path) -> str:
-    """Hex sha256 of the file's bytes, read in parts."""
+    """Hex sha256 of the file's bytes."""
     total = hashlib.sha256()
     with open(path, "rb") as file:
         while part := file.read(1 << 20):
@@ -140,19 +140,19 @@ def digest_of(kind: str, schema_version: int, files: Mapping[str, str]) -> str:
 def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Artefact:
     """Open the artefact in the folder `path` (its `manifest.json` may be named instead).
 
-    Checks the manifest and that every file it lists is there; `verify` reads the files' bytes too.
+    Checks the manifest, and that every file it lists exists; `verify` checks the files' bytes too.
 
     Args:
         path: the folder.
         kind: the kind it must be, or None for any.
 
     Raises:
-        InputError: it is missing, no artefact, of another kind, written by a newer pumps, or damaged.
+        InputError: it is missing, not an artefact, of another kind, written by a newer pumps, or damaged.
     """
     folder = Path(path)
     if folder.name == MANIFEST_NAME and folder.is_file():
         folder = folder.parent
-    # A writer may swap the manifest between our reading it and our looking for its files: then look again.
+    # A writer may replace the manifest after it is read here and before its files are found: then read it again.
     seen: str | None = None
     while True:
         manifest = read_manifest(folder, kind)
@@ -167,10 +167,10 @@ def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Arte
 
 
 def read_newest(artefact: Artefact | str | os.PathLike[str], kind: str, read: Callable[[Artefact], Result]) -> Result:
-    """Read an artefact of `kind` with `read`; given by path, one that is being replaced is read again as it is now.
+    """Read an artefact of `kind` with `read`. If it is given by path and is replaced meanwhile, it is read again.
 
     Raises:
-        InputError: as `open_artefact` and `read`.
+        InputError: see `open_artefact` and `read`.
     """
     if isinstance(artefact, Artefact):
         return read(artefact if artefact.manifest.kind == kind else open_artefact(artefact.path, kind))
@@ -179,13 +179,13 @@ def read_newest(artefact: Artefact | str | os.PathLike[str], kind: str, read: Ca
         try:
             return read(found)
         except InputError:
-            # Its writer may have replaced it since the manifest was read: then there is a newer one to read.
+            # A writer may have replaced the artefact since its manifest was read: then the new one is read.
             if open_artefact(artefact, kind).manifest.data == found.manifest.data:
                 raise
 
 
 def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
-    """Read and check `folder`/manifest.json without looking at the data. Raises InputError as `open_artefact`."""
+    """Read and check `folder`/manifest.json, but not the data. Raises InputError as `open_artefact` does."""
     raw = _read_json(folder)
     found, version = raw.get("kind"), raw.get("schema_version")
     if not isinstance(found, str) or not isinstance(version, int) or isinstance(version, bool):
@@ -200,7 +200,7 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
     newer_hint = f"Install the pumps that wrote it or a newer one ({_text(raw.get('created_by'))})."
     if found not in KINDS:
         raise InputError(
-            f"{folder} is an artefact of kind {found!r}, which pumps {PUMPS_VERSION} does not know.", newer_hint
+            f"{folder} is an artefact of kind {found!r}, which pumps {PUMPS_VERSION} cannot read.", newer_hint
         )
     if version > KINDS[found].schema_version:
         raise InputError(
@@ -251,7 +251,7 @@ def _first_missing(folder: Path, manifest: Manifest) -> str | None:
         file = data / name
         if not file.is_file():
             return f"its file {manifest.data}/{name} is missing."
-        # A link could lead out of the artefact: what is read must be what was written there.
+        # A link could lead out of the artefact: only files inside it are read.
         if not file.resolve().is_relative_to(data.resolve()):
             return f"its file {manifest.data}/{name} is a link that leads out of the artefact."
     return None
@@ -262,6 +262,6 @@ def _kind_hint(kind: str) -> str | None:
 
 
 def _text(value: object) -> str:
-    """A short printable form of something that a file said."""
+    """A short printable form of a value from a file."""
     text = "".join(c if c.isprintable() else "?" for c in str(value))
     return text if len(text) <= 200 else text[:200] + "..."

@@ -1,4 +1,4 @@
-"""Several artefacts of clips made into one: what a collection was read into by parts, on one machine or many."""
+"""Merging artefacts of clips into one, for collections that were read in parts, on one machine or several."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ READERS: dict[str, type[ClipReader]] = {reader.KIND: reader for reader in (Motio
 
 
 def merge_artefacts(paths: Sequence[str | os.PathLike[str]], output: str | os.PathLike[str]) -> tuple[ClipRow, ...]:
-    """Write one artefact with the clips of all of them, in order of their sources; returns its index.
+    """Write one artefact with the clips of all given ones, in the order of their sources; returns its index.
 
-    Clips of the same name but other sources are renamed; skeletons and sets of bones that are equal are kept once.
+    Clips of the same name from different sources are renamed. Equal skeletons and sets of bones are stored once.
 
     Args:
-        paths: two or more `motion`, `tpc` or `latent` artefacts of one kind; latents of one encoder.
+        paths: two or more `motion`, `tpc` or `latent` artefacts of one kind; latents must be of one encoder.
 
-    Raises: UsageError for kinds that differ or hold no clips; InputError for a source that is in two of them, for
+    Raises: UsageError for kinds that differ or hold no clips; InputError for a source that is in two artefacts, for
         latents of different encoders, or for damaged data.
     """
     artefacts = [open_artefact(path) for path in paths]
@@ -82,10 +82,10 @@ def _merge_into(folder: Path, readers: Sequence[ClipReader]) -> tuple[ClipRow, .
 
 
 def _merge_shared(part: h5py.File, file: h5py.File, artefact: Artefact) -> None:
-    """What clips share (skeletons, bones) and what holds for the whole file (the encoder that made it)."""
+    """Copy the data that clips share (skeletons, bones) and that apply to the whole file (the encoder's digest)."""
     for name, value in part.attrs.items():
         if file.attrs.setdefault(name, value) != value:
-            raise InputError(f"{artefact.path} has another {name.replace('_', ' ')} than the others.")
+            raise InputError(f"{artefact.path} has a different {name.replace('_', ' ')} than the others.")
     for name, group in part.items():
         if name == "clips":
             continue
@@ -95,7 +95,7 @@ def _merge_shared(part: h5py.File, file: h5py.File, artefact: Artefact) -> None:
                 part.copy(group[key], shared, key)
             elif shared[key].attrs.get("content") != group[key].attrs.get("content"):
                 raise InputError(
-                    f"{artefact.path} has other {name} of the id {key!r} than the others.",
+                    f"{artefact.path} has different {name} of the id {key!r} than the others.",
                     "Make the parts with the same settings and seed.",
                 )
 

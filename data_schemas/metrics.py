@@ -1,4 +1,4 @@
-"""The `metrics` artefact: an evaluation. `metrics.parquet`, one row a figure, and `summary.md` for people."""
+"""The `metrics` artefact: an evaluation. `metrics.parquet`, one row per value, and `summary.md` for people."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ SUMMARY_NAME = "summary.md"
 
 @dataclass(frozen=True)
 class MetricRow:
-    """One figure: one metric of one method on one clip.
+    """One value: one metric of one method on one clip.
 
-    archive:  the data set the clip is from, as its source names it.
-    interval: frames between keys, or missing frames, as the task counts them.
-    metric:   the variant's own name, such as "l2p_m" or "npss_lafan1".
-    weight:   the clip's weight in an average over clips (NPSS: the truth's power; 1 otherwise).
-    windows:  how many windows of the clip the value is the mean of.
+    archive:  the data set of the clip, named after its archive or folder.
+    interval: frames between keys, or missing frames, depending on the task.
+    metric:   the name of the metric's variant, such as "l2p_m" or "npss_lafan1".
+    weight:   the clip's weight in an average over clips (NPSS: the power of the ground truth; 1 otherwise).
+    windows:  number of windows of the clip over which the value is averaged.
     """
 
     clip: str

@@ -1,7 +1,7 @@
-"""Older versions of artefacts, read through one function for each step.
+"""Reading older versions of artefacts, through one migration function for each step.
 
-When the layout of a kind changes: raise its version in `kinds.py`, and register here the function that makes the new
-layout out of the old one. An artefact on the disk is never changed: readers migrate into a scratch folder.
+When the layout of a kind changes, raise its version in `kinds.py` and register here the function that converts the
+old layout to the new one. An artefact on the disk is never changed: readers migrate into a scratch folder.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ Migration = Callable[[Path, Path], None]
 
 
 def migrated_folder(artefact: Artefact, scratch: Path) -> Path:
-    """The artefact's data in today's layout: its own folder, or one under `scratch` that migrations filled.
+    """The artefact's data in the current layout: its own folder, or one under `scratch` that migrations filled.
 
     Raises:
-        InputError: no migration leads from its version to today's, or its data are damaged.
+        InputError: no migration leads from its version to the current one, or its data are damaged.
     """
     kind, version = artefact.manifest.kind, artefact.manifest.schema_version
     folder = artefact.folder
@@ -57,7 +57,7 @@ def migrated_folder(artefact: Artefact, scratch: Path) -> Path:
 
 
 def carry_over(source: Path, target: Path, name: str) -> None:
-    """Let the unchanged file `name` appear in `target` too, without copying its bytes where a link can be made."""
+    """Put the unchanged file `name` into `target` too, as a link if possible, else as a copy."""
     with suppress(OSError, NotImplementedError):
         os.symlink((source / name).resolve(), target / name)
         return
@@ -65,7 +65,7 @@ def carry_over(source: Path, target: Path, name: str) -> None:
 
 
 def _motion_0_to_1(source: Path, target: Path) -> None:
-    """Version 1 says in the column `flags` what ingest did to a clip; nothing is known of older ones."""
+    """Version 1 added the column `flags`, the changes that ingest made to a clip; it is empty for older clips."""
     carry_over(source, target, "motions.h5")
     table = pq.ParquetFile(source / "clips.parquet").read()
     flags = pa.array([""] * table.num_rows, pa.string())
@@ -73,7 +73,7 @@ def _motion_0_to_1(source: Path, target: Path) -> None:
 
 
 def _clips_1_to_2(source: Path, target: Path) -> None:
-    """Version 2 has columns for what was measured of a clip's quality; nothing was of older ones."""
+    """Version 2 added columns for measures of a clip's quality; they are empty for older clips."""
     for path in source.iterdir():
         if path.name != "clips.parquet":
             carry_over(source, target, path.name)
@@ -85,13 +85,13 @@ def _clips_1_to_2(source: Path, target: Path) -> None:
 
 
 def _tpc_2_to_3(source: Path, target: Path) -> None:
-    """Version 3 knows packed clips; older ones have none."""
+    """Version 3 added packed clips; older artefacts have none."""
     for path in source.iterdir():
         carry_over(source, target, path.name)
 
 
 def _metrics_1_to_2(source: Path, target: Path) -> None:
-    """Version 2 gives velocity jumps in metres a second; before, in millimetres a frame, 30 a second."""
+    """Version 2 states velocity jumps in metres per second; before, in millimetres per frame at 30 fps."""
     carry_over(source, target, "summary.md")
     table = pq.ParquetFile(source / "metrics.parquet").read()
     rows = table.to_pylist()

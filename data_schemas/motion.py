@@ -26,14 +26,14 @@ from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Motion, Skeleton
 __all__ = ["ClipRow", "MotionReader", "MotionWriter", "read_clips", "skeleton_id", "write_clips"]
 
 UP_AXES = ("x", "y", "z")
-_LENGTH_DECIMALS = 5  # hundredths of a millimetre: what a text file's digits add is no other skeleton
+_LENGTH_DECIMALS = 5  # hundredths of a millimetre: smaller differences are rounding errors of text files
 
 
 def skeleton_id(skeleton: Skeleton) -> str:
     """Content id of a skeleton: equal for skeletons with the same joints, bones, groups, unit and up axis.
 
-    Lengths count to 0.01 mm. The source's header does not count, so that clips of one rig share their skeleton
-    though every file spells its header a little differently.
+    Lengths are compared to 0.01 mm. The source's header is ignored, so that clips of one rig share their skeleton
+    even if the text of their headers differs.
     """
     lengths = [np.round(a, _LENGTH_DECIMALS) + 0.0 for a in (skeleton.offsets, skeleton.tails)]  # + 0.0: no -0.0
     content = json.dumps(
@@ -66,7 +66,7 @@ class MotionWriter(ClipWriter):
         self._joints: dict[str, int] = {}
 
     def add_skeleton(self, skeleton: Skeleton) -> str:
-        """Store the skeleton, if no equal one is stored yet, and return its id. Raises InputError if it is none."""
+        """Store the skeleton unless an equal one is stored, and return its id. Raises InputError if it is invalid."""
         fault = fault_of_skeleton(skeleton)
         if fault:
             raise InputError(f"The skeleton {fault}.")
@@ -91,7 +91,7 @@ class MotionWriter(ClipWriter):
         """Store a motion of a skeleton that was added before (`row.skeleton`).
 
         Raises:
-            InputError: the row and the motion disagree, a name comes twice, or the motion is not finite.
+            InputError: the row and the motion disagree, a name occurs twice, or the motion is not finite.
         """
         if row.skeleton not in self._joints:
             raise InputError(f"The clip {row.clip!r} names the skeleton {row.skeleton!r}, which was not added.")
@@ -109,7 +109,7 @@ class MotionWriter(ClipWriter):
 
 
 class MotionReader(ClipReader):
-    """Reads a `motion` artefact. `clips` is its index; windows of motions are read from the disk as asked for."""
+    """Reads a `motion` artefact. `clips` is its index; windows of motions are read from the disk on demand."""
 
     KIND = "motion"
     FILE = "motions.h5"
@@ -124,7 +124,7 @@ class MotionReader(ClipReader):
             return tuple(sorted(group_in(self._file, "skeletons")))
 
     def skeleton(self, name: str) -> Skeleton:
-        """The skeleton with this id. Raises InputError if it is not there or damaged."""
+        """The skeleton with this id. Raises InputError if it does not exist or is damaged."""
         if name not in self._known:
             with reading(self._path):
                 stored = group_in(self._file, "skeletons")
@@ -190,7 +190,7 @@ def _read_skeleton(group: h5py.Group) -> Skeleton:
 
 
 def fault_of_skeleton(skeleton: Skeleton) -> str | None:
-    """What is wrong with a skeleton's arrays, as the end of a sentence; None if they belong together."""
+    """The fault of a skeleton's arrays, as the end of a sentence; None if they are consistent."""
     joints = skeleton.joints
     shapes = {
         "parents": (joints,),

@@ -1,15 +1,14 @@
-"""Bones' transforms in an eighth of the space: joints' turns in 16 bits, and places only where they are not constant.
+"""Bones' transforms in an eighth of the space: rotations in 16 bits, and places only if they are not constant.
 
-A bone's rotation is kept in its parent's frame, as a rotation vector in steps of pi / 8191. The parent's frame is the
-one that comes back, not the one that went in, so that errors do not add up along a chain. Where a bone hangs on its
-parent is kept once for a clip, unless it moves there by more than `PLACE_STEP_M`. Differences from frame to frame are
-stored, chunk by chunk (the first frame of a chunk as it is), since they are small numbers that compress well; they
-wrap around, and adding them up wraps back.
+A bone's rotation is stored in its parent's frame, as a rotation vector in steps of pi / 8191. The parent's frame is
+the one after quantisation, so that errors do not add up along a chain. A bone's place in its parent's frame is stored
+once per clip, unless it moves by more than `PLACE_STEP_M`. Within a chunk the differences from frame to frame are
+stored (its first frame as it is), since small numbers compress well; they wrap around, and so does their sum.
 
     <clip>/turns   (3 B, T) int16 differences        attributes: offsets (B, 3) float32 metres,
     <clip>/places  (3 M, T) int32 differences                    moving (M,) int32, the root first
 
-What comes back differs by a hundredth of a degree and a fraction of a millimetre at most (`tests/data_schemas`).
+The error is at most a hundredth of a degree and a fraction of a millimetre (`tests/data_schemas`).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _TURNS, _PLACES, _OFFSETS, _MOVING = "turns", "places", "offsets", "moving"
 
 
 def is_packed(group: h5py.Group) -> bool:
-    """Whether a clip lies in this layout."""
+    """Whether a clip is stored in this layout."""
     return _TURNS in group
 
 
@@ -56,7 +55,7 @@ def write_packed(group: h5py.Group, heads: np.ndarray, rotations: np.ndarray, pa
 def read_packed(group: h5py.Group, window: slice, parents: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
     """Heads (n, B, 3) metres and global rotations (n, B, 4) xyzw, float32, of a window of frames.
 
-    Raises: ValueError where what is stored does not belong to these bones and frames.
+    Raises: ValueError if the stored arrays do not match these bones and frames.
     """
     bones = len(parents)
     offsets, moving = _attribute(group, _OFFSETS, "f"), _attribute(group, _MOVING, "i")
@@ -79,8 +78,10 @@ def read_packed(group: h5py.Group, window: slice, parents: np.ndarray, frames: i
 
 
 def _in_parents(heads: np.ndarray, rotations: np.ndarray, parents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation vectors (T, B, 3) int16 in steps, and places (T, B, 3) metres, in the parents' frames; the root's in
-    the world."""
+    """Rotation vectors (T, B, 3) int16, in steps, and places (T, B, 3) metres, in the parents' frames.
+
+    Those of the root are in the world.
+    """
     steps, hung = np.zeros(heads.shape, np.int16), heads.copy()
     kept: list[Rotation] = []
     for bone, parent in enumerate(parents):
@@ -88,7 +89,7 @@ def _in_parents(heads: np.ndarray, rotations: np.ndarray, parents: np.ndarray) -
         above = kept[parent] if bone else None
         if above is not None:
             own = above.inv() * own
-            # In the frame that went in: what is constant there stays constant.
+            # In the frame before quantisation: a place that is constant there stays constant.
             hung[:, bone] = Rotation.from_quat(rotations[:, parent]).inv().apply(heads[:, bone] - heads[:, parent])
         steps[:, bone] = np.rint(own.as_rotvec() / TURN_STEP_RAD)
         back = Rotation.from_rotvec(steps[:, bone] * TURN_STEP_RAD)
@@ -97,7 +98,7 @@ def _in_parents(heads: np.ndarray, rotations: np.ndarray, parents: np.ndarray) -
 
 
 def _levels(parents: np.ndarray) -> list[np.ndarray]:
-    """Bones equally far from the root, which is left out; near ones first."""
+    """Bones grouped by their distance from the root in the tree, nearest first, without the root."""
     depth = np.zeros(len(parents), np.int64)
     for bone in range(1, len(parents)):
         depth[bone] = depth[parents[bone]] + 1
@@ -105,7 +106,7 @@ def _levels(parents: np.ndarray) -> list[np.ndarray]:
 
 
 def _continuous(rotations: np.ndarray) -> np.ndarray:
-    """The same rotations (T, B, 4), of the two signs the one that is nearer to the frame before."""
+    """The same rotations (T, B, 4), each with the sign that is nearer to the frame before."""
     turns_back = (rotations[1:] * rotations[:-1]).sum(-1) < 0
     flips = np.cumsum(turns_back, axis=0) % 2 == 1
     rotations[1:] = np.where(flips[..., None], -rotations[1:], rotations[1:])
@@ -113,7 +114,7 @@ def _continuous(rotations: np.ndarray) -> np.ndarray:
 
 
 def _write(group: h5py.Group, name: str, values: np.ndarray) -> None:
-    """Store (T, C) integers as differences within each chunk, one channel after the other."""
+    """Store (T, C) integers as differences within each chunk, channel by channel."""
     apart = values.copy()
     apart[1:] = values[1:] - values[:-1]  # wraps
     apart[::CHUNK_FRAMES] = values[::CHUNK_FRAMES]
@@ -125,7 +126,7 @@ def _write(group: h5py.Group, name: str, values: np.ndarray) -> None:
 
 
 def _read(group: h5py.Group, name: str, kind: Any, window: slice, shape: tuple[int, int]) -> np.ndarray:
-    """The window of (T, C) integers that `_write` stored, whole chunks of which are read and added up."""
+    """The window of (T, C) integers that `_write` stored; whole chunks are read and summed."""
     stored = group.get(name)
     if not isinstance(stored, h5py.Dataset) or stored.external or stored.is_virtual:
         raise ValueError(f"{group.name}/{name} is no array within this file")

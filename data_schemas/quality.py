@@ -1,4 +1,4 @@
-"""What ingest found of a clip's quality: columns of the clip index, made to be filtered by."""
+"""Measures of a clip's quality, taken by ingest: columns of the clip index, by which clips can be filtered."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MotionQuality:
-    """Figures of one clip (`stages.shared.humanoid.motion_quality`); None, 0 and False where nothing was measured.
+    """Measures of one clip (`stages.shared.humanoid.motion_quality`); None, 0 or False if not measured.
 
-    still_share:       of the frames, those in stretches of half a second and more in which no joint moves.
+    still_share:       share of the frames in stretches of half a second or more in which no joint moves.
     t_pose:            arms straight out sideways and still for half a second or more.
-    repeated_share:    of the frames, those that are the frame before over again, to the last digit.
-    spikes:            frames in which a joint turns faster than any human's.
+    repeated_share:    share of the frames that equal the frame before to the last digit.
+    spikes:            frames in which a joint turns faster than a human joint can.
     flips:             frames in which a joint jumps by more than 115 degrees.
-    foot_skate:        metres a second, of feet that stand (`stages.shared.kinematics.foot_contacts`).
-    floor_penetration: metres, how far the feet sink below the level on which they mostly stand.
-    speed_log2:        log2 of the speed at which it seems to be played (`stages.shared.kinematics.playback_speed`).
-    wrong_rate:        that speed is suspicious: its frame rate may be wrong.
-    swapped:           left and right seem to be exchanged: knees and toes point the other way.
-    repaired_frames:   frames with numbers that were none, filled in from their neighbours.
+    foot_skate:        metres per second, of feet in contact (`stages.shared.kinematics.foot_contacts`).
+    floor_penetration: metres, how far the feet are below the level on which they mostly stand.
+    speed_log2:        log2 of the estimated playback speed (`stages.shared.kinematics.playback_speed`).
+    wrong_rate:        the frame rate may be wrong, since that speed is implausible.
+    swapped:           left and right seem to be swapped, since knees and toes point backwards.
+    repaired_frames:   frames with values that were not numbers, filled in from their neighbours.
     """
 
     still_share: float | None = None

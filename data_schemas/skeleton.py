@@ -1,6 +1,6 @@
-"""The plain records that every floor shares: a skeleton, and a motion of it.
+"""The records that all packages use: a skeleton, and a motion of it.
 
-Conventions (said once in `stages.shared.kinematics.conventions`): right-handed, Y up, metres, seconds, radians;
+Conventions (defined in `stages.shared.kinematics.conventions`): right-handed, Y up, metres, seconds, radians;
 quaternions xyzw; J joints, T frames.
 """
 
@@ -21,14 +21,14 @@ class Skeleton:
     names:   J joint names as the source spells them.
     parents: (J,) int32, parents before children, -1 for the file's root (joint 0).
     offsets: (J, 3) float64 metres, the joint's head in its parent's frame at rest. Joint 0: zeros.
-    tails:   (J, 3) float64 metres, the bone's tail in the joint's own frame; zeros where there is no bone.
-    groups:  (J,) int8 index into BODY_GROUPS, or NO_GROUP for joints that are no part of the body
+    tails:   (J, 3) float64 metres, the bone's tail in the joint's own frame; zeros if there is no bone.
+    groups:  (J,) int8 index into BODY_GROUPS, or NO_GROUP for joints that are not part of the body
              (joints above the pelvis, static props).
-    sampled: (J,) bool, True where the point cloud sees the bone (not fingers, face, twists, zero length).
+    sampled: (J,) bool, True if points are drawn on the bone (not fingers, face, twists, zero length).
     root:    index of the pelvis: the topmost joint of the body.
     unit_m:  metres in one unit of the source file.
     up_axis: the source's up axis, "y" or "z" (turned to Y at ingest).
-    header:  what the writer needs to give the same file back (a BVH's text up to MOTION, newlines as found), or "".
+    header:  text that is needed to write the source file back (a BVH's text up to MOTION, newlines as found), or "".
     """
 
     names: tuple[str, ...]
@@ -69,8 +69,8 @@ class Motion:
         return self.rotations.shape[0]
 
     def at(self, frames: slice | np.ndarray) -> Motion:
-        """Some of the frames, by a slice or their numbers, as a motion of their own."""
+        """The motion of some of the frames, given by a slice or by their indices."""
         roots = self.root_positions[frames]
-        # Without tracks there may be no row of them for each frame.
+        # Without tracks the array may have fewer rows than there are frames.
         tracks = self.tracks[frames] if len(self.track_joints) else np.zeros((len(roots), 0, 3), np.float32)
         return replace(self, rotations=self.rotations[frames], root_positions=roots, tracks=tracks)

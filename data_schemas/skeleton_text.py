@@ -1,4 +1,4 @@
-"""A skeleton as plain data, for JSON: what a checkpoint carries so that its output can be written without the rig."""
+"""A skeleton as plain data for JSON, stored in a checkpoint so that its output can be written without the rig."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def plain_of_skeleton(skeleton: Skeleton) -> dict[str, Any]:
 
 
 def skeleton_of_plain(values: Any) -> Skeleton:
-    """The skeleton that `plain_of_skeleton` described. Raises InputError where the values make none."""
+    """The skeleton from the values of `plain_of_skeleton`. Raises InputError if they are invalid."""
     try:
         skeleton = Skeleton(
             names=tuple(str(name) for name in values["names"]),
@@ -44,7 +44,7 @@ def skeleton_of_plain(values: Any) -> Skeleton:
         )
         fault = fault_of_skeleton(skeleton)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"The skeleton that is stored is damaged ({error}).", "Make its artefact again.") from None
+        raise InputError(f"The stored skeleton is damaged ({error}).", "Make its artefact again.") from None
     if fault:
-        raise InputError(f"The skeleton that is stored {fault}.", "Make its artefact again.")
+        raise InputError(f"The stored skeleton {fault}.", "Make its artefact again.")
     return skeleton

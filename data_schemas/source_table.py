@@ -1,6 +1,6 @@
-"""`sources.parquet` of a `motion` artefact: what became of every file that ingest met, one row each.
+"""`sources.parquet` of a `motion` artefact: the outcome of every file that ingest found, one row each.
 
-Artefacts made before the table was kept have none.
+Artefacts of early versions have no such table.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ class SourceRow:
     """One file.
 
     source:  a path, or "archive.zip!member".
-    format:  how it was read ("bvh", "amass", ...); "" where nothing was recognised.
-    outcome: "kept" as it is, "repaired", "skipped" (bad, or no humanoid), "ignored" (no recording at all).
-    reason:  what was mended, or why it was not used; "" where there is nothing to say.
-    remarks: what was taken for granted, since no file says it.
-    clips, frames: made of it. bytes: its size, unpacked. sha256: of its bytes, "" where they were not read.
+    format:  its format ("bvh", "amass", ...); "" if it was not recognised.
+    outcome: "kept" unchanged, "repaired", "skipped" (bad, or not a humanoid), "ignored" (not a recording).
+    reason:  what was repaired, or why it was not used; else "".
+    remarks: assumptions about facts that no file states.
+    clips, frames: number of each read from it. bytes: its size, unpacked. sha256: of its bytes, "" if not read.
     """
 
     source: str
@@ -56,7 +56,7 @@ def write_sources(folder: Path, rows: list[SourceRow]) -> None:
 
 
 def read_sources(folder: Path) -> tuple[SourceRow, ...]:
-    """The table of `folder`; no rows where the artefact keeps none. Raises InputError if it is damaged."""
+    """The table of `folder`; no rows if the artefact has no table. Raises InputError if it is damaged."""
     path = folder / SOURCES_NAME
     if not path.exists():
         return ()
@@ -67,10 +67,10 @@ def read_sources(folder: Path) -> tuple[SourceRow, ...]:
             raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")
         rows = tuple(SourceRow(**row) for row in table.select(_TABLE.names).cast(_TABLE).to_pylist())
     if any(row.outcome not in OUTCOMES for row in rows):
-        raise InputError(f"{path} is damaged: an outcome is none of {', '.join(OUTCOMES)}.")
+        raise InputError(f"{path} is damaged: an outcome is not one of {', '.join(OUTCOMES)}.")
     return rows
 
 
 def _storable(text: str) -> str:
-    """File names may hold bytes that are no text; a table holds text alone."""
+    """A file name as valid text for a table; bytes that are not text are replaced."""
     return text.encode("utf-8", errors="backslashreplace").decode()

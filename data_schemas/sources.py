@@ -1,4 +1,4 @@
-"""Digests of inputs that are no artefacts: source files and folders of them."""
+"""Digests of inputs that are not artefacts: source files and folders."""
 
 from __future__ import annotations
 

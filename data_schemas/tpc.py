@@ -1,8 +1,8 @@
-"""The `tpc` artefact: temporal point clouds, in three layouts behind one reader.
+"""The `tpc` artefact: temporal point clouds, in three layouts with one reader.
 
-A *rigid* cloud is stored factored: the points drawn on a skeleton's bones once, and the bones' global transforms for
-every frame; a point is `head + rotate(rotation, alpha * tail + sigma * offset)`. A *packed* one is a rigid one in an
-eighth of the space (`data_schemas.packed_transforms`). A *dense* cloud is stored as it is.
+A *rigid* cloud is stored factored: once the points drawn on a skeleton's bones, and for every frame the bones' global
+transforms; a point is `head + rotate(rotation, alpha * tail + sigma * offset)`. A *packed* cloud is a rigid one in an
+eighth of the space (`data_schemas.packed_transforms`). A *dense* cloud is stored as its points.
 
 `clouds.h5`:
     /bones/<id>    parents, tails, groups, weights; point_bones, point_alphas, point_offsets
@@ -41,8 +41,8 @@ class BoneSet:
     parents:       (B,) int32, -1 for the pelvis, which comes first; parents before children.
     tails:         (B, 3) float32 metres, in the bone's own frame.
     groups:        (B,) int8 index into BODY_GROUPS.
-    weights:       (B,) float32 probability of drawing a point on the bone, 0 for bones that are never seen.
-    point_bones:   (P,) int32 the bone each point rides on.
+    weights:       (B,) float32 probability of drawing a point on the bone, 0 for bones without points.
+    point_bones:   (P,) int32 the bone of each point.
     point_alphas:  (P,) float32 how far along the bone, 0 at its head, 1 at its tail.
     point_offsets: (P, 3) float32 standard normal draws, in the bone's frame, to be scaled by sigma.
     """
@@ -74,7 +74,7 @@ class TpcWriter(ClipWriter):
 
     def __init__(self, folder: str | os.PathLike[str], *, packed: bool = False):
         """Args: packed: store rigid clips in an eighth of the space, exact to fractions of a millimetre."""
-        # Thousands of short clips: the newer form of HDF5 spends hundreds of bytes on each where the older takes kB.
+        # Per clip the newer HDF5 format takes hundreds of bytes, the older one kilobytes.
         super().__init__(folder, libver="latest" if packed else None)
         self._packed = packed
         self._parents: dict[str, np.ndarray] = {}
@@ -85,10 +85,10 @@ class TpcWriter(ClipWriter):
         """Store the bones and their points, and return the id that rows name as `skeleton`.
 
         Args:
-            skeleton: the id to store them under (the skeleton's own, so that clips keep it); None: an id by content.
+            skeleton: the id to store them under (the skeleton's own, which clips refer to); None: an id by content.
 
         Raises:
-            InputError: the arrays do not belong together, or other bones are stored under this id.
+            InputError: the arrays do not match, or different bones are stored under this id.
         """
         arrays = {
             name: np.ascontiguousarray(getattr(bones, name), dtype) for name, (dtype, _) in _BONE_ARRAYS.items()
@@ -116,7 +116,7 @@ class TpcWriter(ClipWriter):
         """Store a rigid clip on the bones `row.skeleton`: heads (T, B, 3) metres, rotations (T, B, 4) global xyzw.
 
         Raises:
-            InputError: the bones were not added, or the arrays do not belong to them, or are not finite.
+            InputError: the bones were not added, or the arrays do not match them or are not finite.
         """
         if row.skeleton not in self._bone_counts:
             raise InputError(f"The clip {row.clip!r} names the bones {row.skeleton!r}, which were not added.")
@@ -136,7 +136,7 @@ class TpcWriter(ClipWriter):
         """Store a clip of points (T, P, 3) metres with their body groups (P,).
 
         Raises:
-            InputError: the arrays do not belong together or are not finite.
+            InputError: the arrays do not match or are not finite.
         """
         _check_frames(row, "points", points, (row.frames, len(groups), 3))
         if not ((groups >= 0) & (groups < len(BODY_GROUPS))).all():
@@ -149,7 +149,7 @@ class TpcWriter(ClipWriter):
 
 
 class TpcReader(ClipReader):
-    """Reads a `tpc` artefact of either layout. `clips` is its index."""
+    """Reads a `tpc` artefact of any layout. `clips` is its index."""
 
     KIND = "tpc"
     FILE = "clouds.h5"
@@ -165,7 +165,7 @@ class TpcReader(ClipReader):
             return "dense" if "points" in self._group(row) else "rigid"
 
     def bones(self, skeleton: str) -> BoneSet:
-        """The bones with this id. Raises InputError if they are not there or damaged."""
+        """The bones with this id. Raises InputError if they do not exist or are damaged."""
         if skeleton not in self._known:
             with reading(self._path):
                 stored = group_in(self._file, "bones")
@@ -201,10 +201,10 @@ class TpcReader(ClipReader):
     def points(
         self, clip: str, start: int = 0, stop: int | None = None, sigma_m: float = 0.05
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Points (T, P, 3) float32 metres and body groups (P,) int8 of frames `start` to `stop`, for both layouts.
+        """Points (T, P, 3) float32 metres and body groups (P,) int8 of frames `start` to `stop`, for all layouts.
 
         Args:
-            sigma_m: how far a rigid cloud's points scatter around their bones; a dense cloud is as it is.
+            sigma_m: standard deviation of a rigid cloud's points around their bones; not used for a dense cloud.
 
         Raises:
             InputError: no such clip or frames, or the file is damaged.
@@ -223,7 +223,7 @@ class TpcReader(ClipReader):
 
 
 def place_points(bones: BoneSet, heads: np.ndarray, rotations: np.ndarray, sigma_m: float) -> np.ndarray:
-    """Where the bones' points are: head + rotate(rotation, alpha * tail + sigma * offset).
+    """Positions of the bones' points: head + rotate(rotation, alpha * tail + sigma * offset).
 
     Args:
         heads: (T, B, 3) metres.
@@ -240,7 +240,7 @@ def place_points(bones: BoneSet, heads: np.ndarray, rotations: np.ndarray, sigma
         Rotation.from_quat(rotations.reshape(-1, 4)).as_matrix().reshape(frames, count, 3, 3).swapaxes(1, 2)
     )
     frame_of_bone[..., 3] = heads.swapaxes(1, 2)
-    # Each point's place in its own bone's frame, zero in all others: then one matrix product places them all.
+    # A point's coordinates in its own bone's frame, zero for all other bones: one matrix product gives all positions.
     local = np.zeros((count, 4, points), np.float32)
     on, each = bones.point_bones, np.arange(points)
     local[on, :3, each] = bones.point_alphas[:, None] * bones.tails[on] + sigma_m * bones.point_offsets
@@ -286,5 +286,5 @@ def _fault_of_bones(bones: BoneSet) -> str | None:
     if ((bones.groups < 0) | (bones.groups >= len(BODY_GROUPS))).any():
         return f"has a body group outside 0 to {len(BODY_GROUPS) - 1}"
     if (bones.weights < 0).any() or ((bones.point_bones < 0) | (bones.point_bones >= sizes["B"])).any():
-        return "has a negative weight, or a point on a bone that is not there"
+        return "has a negative weight, or a point on a bone that does not exist"
     return None

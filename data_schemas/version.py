@@ -1,3 +1,3 @@
-"""The version of pumps, as artefacts record it (a test holds it against pyproject.toml)."""
+"""The version of pumps that artefacts record (a test compares it with pyproject.toml)."""
 
 PUMPS_VERSION = "0.1.0"

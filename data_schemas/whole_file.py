@@ -1,4 +1,4 @@
-"""A file that exists is a whole file: written beside its place, then moved there."""
+"""Writing files atomically: to a temporary file in the same folder, which is then renamed."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from data_schemas.errors import PumpsError
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file that appears whole or not at all; folders on the way are made, an old file is replaced.
+    """Write a file that appears whole or not at all; missing folders are created, an old file is replaced.
 
-    Raises: PumpsError where it cannot be written.
+    Raises: PumpsError if it cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -26,7 +26,9 @@ def write_whole(path: Path, data: bytes) -> None:
             Path(draft).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise PumpsError(f"{path} cannot be written: {error.strerror}.", "Check the folder and its space.") from None
+        raise PumpsError(
+            f"{path} cannot be written: {error.strerror}.", "Check the folder and its free space."
+        ) from None
 
 
 def _umask() -> int:

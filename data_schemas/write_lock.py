@@ -12,7 +12,7 @@ from data_schemas.errors import PumpsError
 
 try:
     import fcntl
-except ImportError:  # no such locks on this system: writers are not kept apart
+except ImportError:  # this system has no such locks: two writers are not prevented
     fcntl = None
 
 LOCK_NAME = ".lock"
@@ -23,7 +23,7 @@ _held_guard = threading.Lock()
 
 @contextmanager
 def write_lock(path: Path) -> Iterator[None]:
-    """Hold the folder `path` for writing. A killed process's lock is released by the system.
+    """Lock the folder `path` for writing. The system releases the lock of a killed process.
 
     Raises:
         PumpsError: another process, or another thread of this one, is writing there.
@@ -56,7 +56,7 @@ def _take(path: Path) -> int | None:
         except OSError as error:
             raise PumpsError(f"{path} cannot be written: {error.strerror}.") from None
         try:
-            # A record lock, since worker processes forked by the writer must not inherit it and outlive it.
+            # A record lock, which worker processes forked by the writer do not inherit.
             fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except (BlockingIOError, PermissionError):
             os.close(descriptor)
@@ -64,7 +64,7 @@ def _take(path: Path) -> int | None:
         except OSError:  # a file system without locks
             os.close(descriptor)
             return None
-        # The holder before us removes the file as it leaves: a lock on a removed file guards nothing.
+        # The previous holder removes the file when it unlocks: a lock on a removed file has no effect.
         with suppress(OSError):
             if os.stat(path / LOCK_NAME).st_ino == os.fstat(descriptor).st_ino:
                 return descriptor
@@ -73,5 +73,5 @@ def _take(path: Path) -> int | None:
 
 def _busy(path: Path) -> PumpsError:
     return PumpsError(
-        f"{path} is being written by another pumps.", "Wait until that is done, or give another output."
+        f"{path} is being written by another pumps.", "Wait until it has finished, or give another output."
     )

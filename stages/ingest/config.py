@@ -18,7 +18,7 @@ class Config(ShardedConfig):
     )
     output: Path = Field(description="Folder of the motion artefact.")
     format: Literal["auto", "bvh", "asf", "amass", "deepmimic", "robot", "positions", "gltf"] = Field(
-        "auto", description="How to read the files; auto looks into each."
+        "auto", description="Format of the files; auto recognises each by its content."
     )
     splits: Path | None = Field(
         None, description="JSON of splits: {archive: {test: [...], val: [...]}}; the rest is train."
@@ -36,11 +36,11 @@ class Config(ShardedConfig):
     )
     skeleton_map: tuple[Path, ...] = Field(
         (),
-        description="TOML that says which joints of a rig are which part of the body (`pumps inspect FILE --map`);"
-        " each rig takes the one that fits its joints.",
+        description="TOML with the body part of each joint of a rig (`pumps inspect FILE --map` prints one);"
+        " each rig uses the one that matches its joints.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
-    licence: str | None = Field(None, description="Licence of the sources, where they do not say it themselves.")
-    rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")
+    licence: str | None = Field(None, description="Licence of sources that do not state one.")
+    rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of estimating it.")
     strict: bool = Field(False, description="Stop at the first bad file instead of reporting and skipping it.")
-    workers: int = Field(0, description="Reading processes; 0 takes one for each core.")
+    workers: int = Field(0, description="Number of reading processes; 0 for one per core.")

@@ -1,4 +1,4 @@
-"""What the clips' quality says of a collection as a whole, in sentences."""
+"""Warnings about a collection as a whole, from its clips' quality, one sentence each."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 
 from data_schemas.clips import ClipRow
 
-FEWEST = 5  # clips of a folder that say something together
-# Mean log2 of the speed of a folder's clips, less its standard error, from which its frame rate is suspected: a few
-# acrobatics look fast at their own speed, too.
+FEWEST = 5  # fewest clips of a folder that are judged together
 TOGETHER = 0.5
 
 
 def doubts_of(rows: Sequence[ClipRow]) -> list[str]:
-    """Folders whose clips together seem to be played at a wrong speed, and how many clips have which fault."""
+    """Folders whose clips as a whole seem to be played at a wrong speed, and the number of clips with each fault."""
     lines = [*_rates(rows)]
     faults = {
         "hold a T-pose": [row.quality.t_pose for row in rows],
         "have joints that jump by more than 115 degrees": [row.quality.flips > 0 for row in rows],
-        "seem to have left and right exchanged": [row.quality.swapped for row in rows],
+        "seem to have left and right swapped": [row.quality.swapped for row in rows],
         "repeat more than a tenth of their frames": [(row.quality.repeated_share or 0) > 0.1 for row in rows],
-        "slide on standing feet, at more than 0.25 m/s": [(row.quality.foot_skate or 0) > 0.25 for row in rows],
+        "have feet that slide at more than 0.25 m/s while standing": [
+            (row.quality.foot_skate or 0) > 0.25 for row in rows
+        ],
     }
     found = [f"{sum(flags)} {fault}" for fault, flags in faults.items() if any(flags)]
     if found:
@@ -45,6 +45,7 @@ def _rates(rows: Sequence[ClipRow]) -> list[str]:
             way = "fast" if mean > 0 else "slow"
             lines.append(
                 f"The {len(speeds)} clips in {place} seem to be played too {way} ({2**mean:.2f} times their speed): "
-                f"if their frame rate is wrong, say it, as in --fps-override '*{PurePosixPath(place).name}*=60'."
+                "if their frame rate is wrong, correct it, for example with "
+                f"--fps-override '*{PurePosixPath(place).name}*=60'."
             )
     return lines

@@ -23,7 +23,7 @@ _KNOWN = (
 
 
 def licence_of(data_set: str, given: str | None) -> str:
-    """The licence to record for a recording of a data set; what the user gave comes first."""
+    """The licence of a recording of a data set; the user's setting takes precedence."""
     if given:
         return given
     for pattern, licence in _KNOWN:

@@ -1,4 +1,4 @@
-"""Reading one recording after another into skeletons and motions, in worker processes where there is much to read."""
+"""Reading recordings into skeletons and motions, in worker processes if there is much to read."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from stages.shared.humanoid.motion_quality import measure_quality
 
 LEAST_FRAMES = 2
 _BATCH_BYTES = 2 << 20
-_POOL_FROM_BYTES = 24 << 20  # below this, starting processes costs more than it saves
+_POOL_FROM_BYTES = 24 << 20  # for less, starting processes takes longer than it saves
 
 
 @dataclass(frozen=True)
 class Job:
-    """One source to read, with what the user said of it. `format` is a format's name, or "auto"."""
+    """One source to read, with the user's settings. `format` is a format's name, or "auto"."""
 
     source: Source
     format: str
@@ -35,10 +35,10 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a source: `status` is one of `data_schemas.source_table.OUTCOMES`.
+    """The outcome of reading a source: `status` is one of `data_schemas.source_table.OUTCOMES`.
 
-    format: how it was read, "" where it was not recognised. notes: why, a sentence each. hint: the mend.
-    qualities: of the recordings, one each.
+    format: its format, "" if it was not recognised. notes: the reasons, one sentence each. hint: how to correct it.
+    qualities: one for each recording.
     """
 
     source: Source
@@ -53,7 +53,7 @@ class Outcome:
 
 
 def read_one(job: Job) -> Outcome:
-    """Read a source; a bad one is an outcome and not an error."""
+    """Read a source; a fault of the source is returned as an outcome, not raised."""
     source = job.source
     chosen = None
     try:
@@ -61,7 +61,10 @@ def read_one(job: Job) -> Outcome:
         chosen = recognise(data, source.name) if job.format == AUTO else format_named(job.format)
         if chosen is None:
             if source.named:
-                raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+                raise InputError(
+                    f"{source.name} is not a recording in a format that pumps reads.",
+                    "docs/formats.md lists the formats.",
+                )
             return Outcome(source, "ignored", notes=["It holds no motion."])
         found = read_recordings(data, source, chosen, job.asked)
         recordings = [recording for recording in found if recording.motion.frames >= LEAST_FRAMES]
@@ -82,7 +85,7 @@ def read_one(job: Job) -> Outcome:
 
 
 def quality_of(recording: Recording) -> MotionQuality:
-    """Figures of the clip (`data_schemas.quality`)."""
+    """Measures of the clip (`data_schemas.quality`)."""
     skeleton, motion = recording.skeleton, recording.motion
     return measure_quality(skeleton, motion, places_of(skeleton, motion), recording.repaired_frames)
 
@@ -94,7 +97,7 @@ def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
         yield from map(read_one, jobs)
         return
     with ProcessPoolExecutor(count, mp_context=_context()) as pool:
-        # A short queue ahead of the reader of outcomes: enough to keep the processes busy, little memory.
+        # A short queue of outcomes keeps the processes busy and takes little memory.
         waiting: deque[Future[list[Outcome]]] = deque()
         try:
             for batch in _batches(jobs):
@@ -109,7 +112,7 @@ def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
 
 
 def _context() -> BaseContext:
-    """Processes that start clean: a fork would copy the threads' locks of whatever library the caller has loaded."""
+    """Processes that are spawned, since a fork would copy the locks held by threads of the caller's libraries."""
     methods = multiprocessing.get_all_start_methods()
     return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
 
@@ -126,7 +129,7 @@ def _result(future: Future[list[Outcome]]) -> list[Outcome]:
 
 
 def _batches(jobs: Sequence[Job]) -> Iterator[list[Job]]:
-    """Jobs in runs of a few megabytes, so that small files do not cost a message each."""
+    """Jobs in groups of a few megabytes, so that small files do not need a message each."""
     batch: list[Job] = []
     size = 0
     for job in jobs:

@@ -35,17 +35,16 @@ _LINES_SHOWN = 40
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Read every recording of `config.sources` and write the artefact `config.output`.
 
-    A bad file is reported and skipped, unless `config.strict`; what became of each stands in `sources.parquet`.
-    Raises: UsageError for options that cannot be; InputError where nothing could be kept, or for the first bad file
-        if strict.
+    A bad file is reported and skipped, unless `config.strict`; `sources.parquet` records the outcome of each file.
+    Raises: UsageError for invalid options; InputError if nothing could be kept, or for the first bad file if strict.
     """
     overrides = _parse_overrides(config.fps_override)
     asked = _asked(config)
     sources = find_sources(config.sources, suffixes_of(config.format))
     assigned = assign_splits(sources, config.splits)
-    sources = config.share_of(sources)  # splits are of the whole, so that every part agrees on them
+    sources = config.share_of(sources)  # splits are drawn for all sources, so that they are the same in every part
     if not sources:
-        raise UsageError(f"--shard {config.shard} has no recording: there are fewer than parts.")
+        raise UsageError(f"--shard {config.shard} has no recording: there are fewer recordings than shards.")
     rates = {source.name: _override_of(source, overrides) for source in sources}
     known = {source.name: known_rate(source) for source in sources if rates[source.name] is None}
     jobs = [
@@ -80,11 +79,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 def _asked(config: Config) -> Asked:
-    """What holds for all sources."""
+    """The settings for all sources."""
     rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
     if config.body_models is not None and not config.body_models.is_dir():
         raise UsageError(
-            f"--body-models {config.body_models} is no folder.", "It holds smplh/male/model.npz and so on."
+            f"--body-models {config.body_models} is no folder.", "It must hold smplh/male/model.npz and so on."
         )
     return Asked(
         None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
@@ -108,7 +107,7 @@ def _store(
     assigned: Assigned,
     licence: str | None,
 ) -> list[ClipRow]:
-    """Write the clips of one source; their rows."""
+    """Write the clips of one source and return their rows."""
     data_set = outcome.source.data_set
     rows = []
     for recording, quality in zip(outcome.recordings, outcome.qualities, strict=True):
@@ -157,7 +156,7 @@ def _flags(recording: Recording, job: Job) -> str:
 
 
 class _ClipNames:
-    """Names for clips from their archive and member: safe to be a path's part, and unique."""
+    """Names for clips from their archive and member: unique, and safe as a part of a path."""
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
@@ -201,11 +200,11 @@ def _override_of(source: Source, overrides: Sequence[tuple[str, float]]) -> floa
 def _parse_trim(text: str) -> str:
     if text == "auto" or re.fullmatch(r"\d{1,6}", text):
         return text
-    raise UsageError(f"--trim-first is '{text}' and must be a number of frames or auto.")
+    raise UsageError(f"--trim-first is '{text}', but must be a number of frames or auto.")
 
 
 def _inputs(config: Config) -> list[Path]:
-    """Files and folders on the disk that the sources stand for, and the splits."""
+    """The files and folders on the disk that hold the sources, and the splits file."""
     paths: list[Path] = []
     for text in config.sources:
         path = Path(text)
@@ -242,7 +241,7 @@ def _report(config: Config, table: Sequence[SourceRow], rows: Sequence[ClipRow],
     skeletons = Counter(row.skeleton for row in rows)
     splits = Counter(row.split for row in rows)
     minutes = sum(row.seconds for row in rows) / 60
-    ignored = f", {counts['ignored']} ignored as no recordings" if counts["ignored"] else ""
+    ignored = f", {counts['ignored']} ignored (not recordings)" if counts["ignored"] else ""
     lines = [
         f"{len(rows)} clips, {sum(row.frames for row in rows)} frames, {minutes:.1f} minutes"
         f" on {len(skeletons)} skeleton{'s' if len(skeletons) > 1 else ''}"
@@ -258,8 +257,8 @@ def _report(config: Config, table: Sequence[SourceRow], rows: Sequence[ClipRow],
     odd.sort(key=lambda row: row.outcome != "skipped")
     lines += [f"{row.outcome}: {row.source}: {row.reason}" for row in odd[:_LINES_SHOWN]]
     if len(odd) > _LINES_SHOWN:
-        lines.append(f"... and {len(odd) - _LINES_SHOWN} more; the artefact's {SOURCES_NAME} tells of each file.")
+        lines.append(f"... and {len(odd) - _LINES_SHOWN} more; the artefact's {SOURCES_NAME} lists every file.")
     if any(row.licence == "unknown" for row in rows):
-        lines.append("The licence of some recordings is unknown; say it with --licence.")
+        lines.append("The licence of some recordings is unknown; state it with --licence.")
     figures = {"clips": len(rows), "files": dict(counts), "splits": dict(splits), "skeletons": len(skeletons)}
     return StageReport(output=config.output, lines=lines, figures=figures)

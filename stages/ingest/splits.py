@@ -1,4 +1,4 @@
-"""Which clips are for training, which for validation, which for tests: always whole clips, never windows of one."""
+"""Splitting clips into training, validation and test sets, always by whole clips."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from stages.shared.formats.sources import Source
 
 SPLITS_NAME = "splits.json"
 _STRICTEST = ("train", "val", "test")
-_NOTES = (".json", ".txt")  # of such a name beside a recording: what tells of it, seldom a recording
-_TEST_SHARE, _VAL_SHARE = 10, 20  # one in so many, where no file says
+_NOTES = (".json", ".txt")  # a file with such a suffix and a recording's name is usually about that recording
+_TEST_SHARE, _VAL_SHARE = 10, 20  # one clip in this many, without a splits file
 
 
 @dataclass
 class Assigned:
-    """Split of every source, by source name; licences that splits files tell, by data set; notes for the user."""
+    """Split of every source, by source name; licences from splits files, by data set; notes for the user."""
 
     splits: dict[str, str] = field(default_factory=dict)
     licences: dict[str, str] = field(default_factory=dict)
@@ -28,15 +28,15 @@ class Assigned:
 
 
 def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
-    """Put every source into a split.
+    """Assign every source to a split.
 
-    The file is the one given, else a `splits.json` beside the archives or in the folder of the recordings:
-    {"archive.zip" or folder: {"test": [members], "val": [members]}}, all others being for training; a "licence" may
-    stand beside the lists.
-    A data set that no file names is split by a hash of its members' names, so that the order they come in means
-    nothing. Files of one name in several formats are taken for copies of one recording, and stay together.
+    The splits file is the given one, else a `splits.json` beside the archives or in the folder of the recordings:
+    {"archive.zip" or folder: {"test": [members], "val": [members]}}. All other members are for training; a data set
+    may also have a "licence". A data set that is in no file is split by a hash of its members' names, so that the
+    split does not depend on their order. Files of one name in several formats are assumed to be copies of one
+    recording and get the same split.
 
-    Raises: InputError where a splits file is damaged.
+    Raises: InputError if a splits file is damaged.
     """
     assigned = Assigned()
     by_set: dict[str, list[Source]] = {}
@@ -48,9 +48,7 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
         if named is None:
             assigned.splits |= _by_hash(members)
             if len(members) >= 3:
-                assigned.notes.append(
-                    f"{data_set} is named in no splits file: one clip in {_TEST_SHARE} is for tests."
-                )
+                assigned.notes.append(f"{data_set} is not in a splits file: one clip in {_TEST_SHARE} is for tests.")
             continue
         found, missing = _by_file(members, named)
         assigned.splits |= found
@@ -58,7 +56,7 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
             assigned.licences[data_set] = named["licence"]
         if missing:
             assigned.notes.append(
-                f"{path} names {len(missing)} clips of {data_set} that are not there, first '{missing[0]}'."
+                f"{path} names {len(missing)} clips of {data_set} that do not exist, first '{missing[0]}'."
             )
     for data_set, members in by_set.items():
         copies = _copies(members)
@@ -68,7 +66,7 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
         if copies:
             first = " and ".join(PurePosixPath(name).name for name in copies[0])
             assigned.notes.append(
-                f"{len(copies)} recordings of {data_set} seem to be there in several formats, first {first};"
+                f"{len(copies)} recordings of {data_set} seem to exist in several formats, first {first};"
                 " all are read."
             )
     return assigned
@@ -87,13 +85,13 @@ def _read_splits(path: Path) -> dict[str, dict[str, Any]]:
         raise InputError(f"{path} cannot be read: {error.strerror}.", "Check --splits.") from None
     except (ValueError, RecursionError):
         raise InputError(f"{path} is no JSON.", "Check --splits.") from None
-    hint = 'It holds {"archive.zip": {"test": [...], "val": [...]}}.'
+    hint = 'It must hold {"archive.zip": {"test": [...], "val": [...]}}.'
     if not isinstance(raw, dict):
         raise InputError(f"{path} is no splits file.", hint)
     for data_set, named in raw.items():
         lists = [named.get(split, []) for split in ("test", "val")] if isinstance(named, dict) else [None]
         if not all(isinstance(names, list) and all(isinstance(name, str) for name in names) for names in lists):
-            raise InputError(f"{path}: the splits of '{data_set}' are no lists of names.", hint)
+            raise InputError(f"{path}: the splits of '{data_set}' must be lists of names.", hint)
     return raw
 
 

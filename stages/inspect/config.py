@@ -10,20 +10,18 @@ from stages.shared.contract import StageConfig
 
 
 class Config(StageConfig):
-    """Tell what a motion file holds."""
+    """Describe what a motion file holds."""
 
     path: str = Field(
-        description="A file of any format that is read, 'archive.zip!member', or an archive or folder to list."
+        description="A file of any format that pumps reads, 'archive.zip!member', or an archive or folder to list."
     )
     map: bool = Field(False, description="Print only the skeleton map, ready to edit.")
-    skeleton_map: Path | None = Field(
-        None, description="TOML that says which joints are which part of the body; --map prints one."
-    )
+    skeleton_map: Path | None = Field(None, description="TOML with the body part of each joint; --map prints one.")
     skeleton: str | None = Field(
         None,
         description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
         " name for positions.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
-    rest_frame: int | None = Field(None, description="Frame to take as the reference pose instead of estimating it.")
-    fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.", gt=0)
+    rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of estimating it.")
+    fps_override: float | None = Field(None, description="The true frame rate, if the file's is wrong.", gt=0)

@@ -1,4 +1,4 @@
-"""One recording in words, numbers and a tree: what was found, how sure it is, what would be sampled."""
+"""Description of a recording: what was found and with what certainty, as text, numbers and a tree of joints."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WIDE = 116
 
 @dataclass
 class Described:
-    """lines: for a person; tints: line -> what it is about, for colours. figures: for machines."""
+    """lines: for people. tints: line -> its topic, for colours. figures: the same facts as data, for programs."""
 
     lines: list[str] = field(default_factory=list)
     tints: dict[int, str] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Described:
 
     def add_problems(self, problems: list[str], remarks: list[str]) -> None:
         for remark in remarks:
-            self.add(f"taken as given: {remark}", "faint")
+            self.add(f"assumed: {remark}", "faint")
         for problem in problems:
             self.add(f"problem: {problem}", "problem")
         if not problems:
@@ -60,8 +60,8 @@ def describe_recording(recording: Recording, bvh: BvhFile | None, *, mapped: boo
     """A clip on its skeleton.
 
     Args:
-        bvh: the file itself where it is one, for its channels.
-        mapped: True where the user's skeleton map told the parts.
+        bvh: the file, if it is a BVH, for its channels.
+        mapped: True if the body parts come from a skeleton map of the user's.
     """
     skeleton, motion = recording.skeleton, recording.motion
     places = places_of(skeleton, motion)
@@ -92,7 +92,7 @@ def describe_recording(recording: Recording, bvh: BvhFile | None, *, mapped: boo
 
 
 def describe_bare_bvh(bvh: BvhFile, fault: str) -> Described:
-    """A BVH whose joints are no humanoid's: its tree, its channels and the reason."""
+    """A BVH whose joints are not those of a humanoid: its tree, its channels and the reason."""
     out = Described()
     channels = sum(len(joint.channels) for joint in bvh.joints)
     fps = 1.0 / bvh.frame_time
@@ -122,14 +122,14 @@ def _body_lines(skeleton: Skeleton, motion: Motion, anatomy: RigAnatomy, placed:
     return [
         f"unit {skeleton.unit_m:g} m, {skeleton.up_axis.upper()} up;"
         f" the joints span {anatomy.stature_m:.2f} m upright",
-        f"looks along {direction_name(anatomy.facing)} in {_HOW[found['facing'].how]};"
+        f"faces {direction_name(anatomy.facing)} in {_HOW[found['facing'].how]};"
         f" the pose at zero rotations is {_REST[anatomy.rest]}",
         f"pelvis: {names[skeleton.root]}; position channels on: {_named(skeleton, tuple(placed))};"
         f" positions vary on: {', '.join([names[0], *tracks])}",
         f"body groups by {_HOW[found['groups'].how]} (sure: {found['groups'].sure:.2f}),"
         f" left and right by {_HOW[found['sides'].how]} (sure: {found['sides'].sure:.2f})",
         "bones that carry points: " + ", ".join(f"{count} {name}" for name, count in bones.items()),
-        f"passing through unseen: {_named(skeleton, anatomy.unseen)}; outside of the body:"
+        f"joints without points: {_named(skeleton, anatomy.unseen)}; outside the body:"
         f" {_named(skeleton, anatomy.outside)}",
         f"end effectors: {ends}",
         f"symmetric pairs: {pairs or 'none'}",
@@ -137,7 +137,7 @@ def _body_lines(skeleton: Skeleton, motion: Motion, anatomy: RigAnatomy, placed:
 
 
 def _placed(skeleton: Skeleton, motion: Motion, bvh: BvhFile | None) -> list[int]:
-    """Joints whose places the file gives in every frame."""
+    """Joints whose positions are in the file for every frame."""
     if bvh is None:
         return [0, *motion.track_joints.tolist()]
     return [
@@ -186,7 +186,7 @@ def _add_tree(
     channels: Sequence[str],
     roles: Sequence[tuple[str, str]],
 ) -> None:
-    """One joint a line, children further in, columns as wide as the names ask for."""
+    """One joint per line, children indented, with columns as wide as the names."""
     depth: list[int] = []
     for parent in parents:
         depth.append(0 if parent < 0 else depth[parent] + 1)
@@ -204,12 +204,12 @@ def _channels(joint: BvhJoint) -> str:
 
 
 def _role(skeleton: Skeleton, joint: int) -> tuple[str, str]:
-    """What a joint is to pumps, and its body group or "faint" for the colour."""
+    """A joint's role in pumps, and its body group or "faint" for the colour."""
     if skeleton.groups[joint] == NO_GROUP:
         return "(outside the body)", "faint"
     group = BODY_GROUPS[skeleton.groups[joint]]
     length = float(np.linalg.norm(skeleton.tails[joint]))
     pelvis = ", pelvis" if joint == skeleton.root else ""
     if not skeleton.sampled[joint]:
-        return f"{group}{pelvis}, not seen by points", "faint"
+        return f"{group}{pelvis}, no points", "faint"
     return f"{group}{pelvis}, {length * 100:.1f} cm", group

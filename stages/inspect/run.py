@@ -1,4 +1,4 @@
-"""`pumps inspect`: what a motion file holds and what pumps makes of it, before anything is done with it."""
+"""`pumps inspect`: describe a motion file and how pumps interprets it."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from stages.shared.progress import SILENT, Progress
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Describe one file in full, or every file of an archive or folder in a line each.
+    """Describe one file in full, or every file of an archive or folder in one line each.
 
-    Raises: InputError where there is nothing to read, the one file is no recording, or a skeleton map does not fit.
+    Raises: InputError if there is nothing to read, the file is not a recording, or a skeleton map does not match.
     """
     sources = find_sources([config.path], suffixes_of(AUTO))
     asked = _asked(config)
@@ -28,7 +28,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         found = _read(sources[0], asked)
         return _map_of(found) if config.map else _in_full(found)
     if config.map:
-        raise InputError(f"{config.path} holds {len(sources)} files, and a map is of one rig.", "Name one of them.")
+        raise InputError(f"{config.path} holds {len(sources)} files, but a map is for one rig.", "Name one of them.")
     return _listed(sources, asked, progress)
 
 
@@ -43,7 +43,7 @@ def _asked(config: Config) -> Asked:
 
 @dataclass(frozen=True)
 class _Found:
-    """What was read of one file. fault: why its joints are no humanoid's; then `recordings` is empty."""
+    """The content of one file. fault: why its joints are not a humanoid's; then `recordings` is empty."""
 
     source: Source
     chosen: Format
@@ -57,7 +57,9 @@ def _read(source: Source, asked: Asked) -> _Found:
     data = source.read()
     chosen = recognise(data, source.name)
     if chosen is None:
-        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+        raise InputError(
+            f"{source.name} is not a recording in a format that pumps reads.", "docs/formats.md lists the formats."
+        )
     bvh = read_bvh(data, source.name) if chosen.name == "bvh" else None
     if bvh is not None and asked.skeleton_maps:
         choose_map(asked.skeleton_maps, [joint.name for joint in bvh.joints], must_fit=True)
@@ -120,6 +122,6 @@ def _listed(sources: list[Source], asked: Asked, progress: Progress) -> StageRep
             report.tints[len(report.lines)] = "problem"
         report.lines.append(f"{source.member}: {told}" + (f"; {' '.join(found)}" if found else ""))
         progress.advance(1, source.member)
-    report.lines.append(f"{len(sources)} files, {problems} with something to know.")
+    report.lines.append(f"{len(sources)} files, {problems} of them with problems or notes.")
     report.figures.update({"files": len(sources), "with_problems": problems})
     return report

@@ -1,4 +1,4 @@
-"""What looks wrong with a recording, each a sentence that says where and what to do about it."""
+"""Warnings about a recording: each is a sentence that names the place and how to correct it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.anatomy import RigAnatomy
 
-_JUMP_M_S = 30.0  # nothing on a body moves that fast
+_JUMP_M_S = 30.0  # no joint of a body moves so fast
 _UNSURE = 0.25
 _UNEQUAL = 1.15
 _STRETCH_M = 0.02
@@ -18,11 +18,11 @@ _USUAL_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200
 def suspicions_of(
     skeleton: Skeleton, motion: Motion, places: np.ndarray, anatomy: RigAnatomy, dropped: int = 0
 ) -> list[str]:
-    """Sentences on what a user should look at before trusting the file.
+    """Sentences on what a user should check before using the file.
 
     Args:
         places: (T, J, 3) joints, metres, Y up.
-        dropped: frames of the file before the motion's first, so that frames are named by the file's numbers.
+        dropped: frames of the file before the motion's first frame, added to frame numbers in the sentences.
     """
     return [
         *_of_the_figure(skeleton, anatomy),
@@ -36,11 +36,13 @@ def _of_the_figure(skeleton: Skeleton, anatomy: RigAnatomy) -> list[str]:
     out = []
     sides, groups = anatomy.findings["sides"], anatomy.findings["groups"]
     if anatomy.sides_look_swapped:
-        out.append("Left and right look swapped: toes and knees point backwards for the sides that the names tell.")
+        out.append("Left and right seem to be swapped: by the sides in the names, toes and knees point backwards.")
     elif sides.how == "pose" and sides.sure < _UNSURE:
-        out.append("Which side is left is hardly clear; look at it, and say so with --skeleton-map if it is wrong.")
+        out.append(
+            "Left and right are uncertain; check them, and correct them with --skeleton-map if they are wrong."
+        )
     if groups.how == "shape" and groups.sure < _UNSURE:
-        out.append("Other limbs would fit the joints nearly as well; look at the groups, and see --map.")
+        out.append("The limbs are uncertain; check the body groups, and correct them with --map and --skeleton-map.")
     unequal = []
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     for left, right in anatomy.pairs:
@@ -55,13 +57,13 @@ def _of_the_figure(skeleton: Skeleton, anatomy: RigAnatomy) -> list[str]:
 
 def _of_the_rate(motion: Motion) -> list[str]:
     if motion.fps < 10 or min(abs(motion.fps - rate) / rate for rate in _USUAL_RATES) > 0.002:
-        return [f"{motion.fps:.4g} frames a second is no usual rate; give --fps-override if it is wrong."]
+        return [f"{motion.fps:.4g} frames a second is an unusual rate; give --fps-override if it is wrong."]
     return []
 
 
 def _of_the_movement(skeleton: Skeleton, motion: Motion, places: np.ndarray, dropped: int) -> list[str]:
     if motion.frames < 2:
-        return ["There is only one frame: a pose, no motion."]
+        return ["There is only one frame: a pose, not a motion."]
     speeds = np.linalg.norm(np.diff(places[:, skeleton.sampled], axis=0), axis=-1) * motion.fps
     fastest = speeds.max(axis=1, initial=0.0)
     if fastest.max() < 1e-3:
@@ -85,5 +87,7 @@ def _of_the_places(skeleton: Skeleton, motion: Motion, places: np.ndarray) -> li
         out.append(f"Bones change their length: {', '.join(stretched[:3])}{more}.")
     lowest = float(np.percentile(places[:, skeleton.sampled, 1].min(axis=1), 5))
     if lowest < _SUNK_M:
-        out.append(f"The body reaches {-lowest:.2f} m below the floor at 0: the floor is elsewhere, or up is.")
+        out.append(
+            f"The body reaches {-lowest:.2f} m below the floor at 0: check the floor's height and the up axis."
+        )
     return out

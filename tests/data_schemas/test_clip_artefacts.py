@@ -148,11 +148,11 @@ def test_bad_clips_are_refused(tmp_path):
     assert read_clips(tmp_path) == (row,)
 
 
-def test_reading_what_is_not_there(tmp_path):
+def test_reading_unknown_clips_and_frames_is_refused(tmp_path):
     write_motion(tmp_path / "m")
     with MotionReader(tmp_path / "m") as reader:
         for start, stop in ((-1, 5), (0, 11), (5, 5), (10, None)):
-            with pytest.raises(InputError, match="not within the clip 'walk', which has 10"):
+            with pytest.raises(InputError, match="outside the clip 'walk', which has 10 frames"):
                 reader.motion("walk", start, stop)
         for name in ("run", "", "..", "/", "walk/rotations"):
             with pytest.raises(InputError, match="has no clip"):
@@ -161,7 +161,7 @@ def test_reading_what_is_not_there(tmp_path):
                 reader.skeleton(name)
 
 
-def test_a_reader_travels_to_another_process(tmp_path):
+def test_a_reader_can_be_sent_to_another_process(tmp_path):
     write_motion(tmp_path / "m")
     with MotionReader(tmp_path / "m") as reader, pickle.loads(pickle.dumps(reader)) as copy:
         assert _same_motion(copy.motion("walk"), reader.motion("walk"))

@@ -55,7 +55,7 @@ def test_what_expressions_mean(expression: str | None, expected: list[str]):
         "(" * 500 + ")" * 500, "t_pose and " * 400 + "t_pose", "9" * 1999, "foot_skate < 1e999 and clip == b'x'",
     ],
 )  # fmt: skip
-def test_what_is_not_understood_is_refused_in_one_sentence(expression: str):
+def test_invalid_expressions_are_refused_in_one_sentence(expression: str):
     with pytest.raises(UsageError) as refused:
         clips_where(ROWS, expression)
     assert len(str(refused.value)) < 1500

@@ -1,4 +1,4 @@
-"""What is said of a collection as a whole."""
+"""Warnings about a collection as a whole."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def _rows(folder: str, speeds: list[float], **quality: float) -> list[ClipRow]:
     ]  # fmt: skip
 
 
-def test_a_folder_that_plays_too_fast_is_told_by_name():
+def test_a_folder_that_plays_too_fast_is_reported_by_name():
     lines = doubts_of(_rows("salsa", [0.9, 0.3, 0.7, 1.1, 0.4]) + _rows("walks", [0.1, -0.3, 0.2, 0.0, 0.5]))
     assert len(lines) == 1
     assert "5 clips in a.zip/salsa" in lines[0] and "too fast" in lines[0] and "*salsa*=60" in lines[0]
 
 
-def test_few_clips_and_mixed_ones_say_nothing():
+def test_few_or_mixed_clips_are_not_reported():
     assert doubts_of(_rows("salsa", [0.9, 0.9])) == []
     assert doubts_of(_rows("mixed", [0.9, -0.9, 0.9, -0.9, 0.2, 0.1])) == []
 

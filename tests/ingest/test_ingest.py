@@ -100,7 +100,7 @@ def test_nothing_usable_is_an_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [{"fps_override": ("salsa",)}, {"fps_override": ("*=0",)}, {"trim_first": "few"}])
-def test_options_that_cannot_be(archive: Path, tmp_path: Path, options: dict) -> None:
+def test_invalid_options_are_refused(archive: Path, tmp_path: Path, options: dict) -> None:
     with pytest.raises(UsageError):
         run(Config(sources=(str(archive),), output=tmp_path / "motion", **options))
 

@@ -106,8 +106,8 @@ def test_strict_stops_at_a_bad_file_but_not_at_what_is_no_recording(folder: Path
     run(Config(sources=(str(folder),), output=tmp_path / "out", strict=True))
 
 
-def test_a_file_named_outright_is_not_passed_over(folder: Path, tmp_path: Path) -> None:
-    for name, says in (("notes.txt", "no recording"), ("secret.fbx", "FBX")):
+def test_a_file_that_is_named_itself_is_not_skipped(folder: Path, tmp_path: Path) -> None:
+    for name, says in (("notes.txt", "not a recording"), ("secret.fbx", "FBX")):
         with pytest.raises(InputError, match=says):
             run(Config(sources=(str(folder / name),), output=tmp_path / "out"))
 
@@ -117,10 +117,10 @@ def test_one_format_takes_only_its_own_files(folder: Path, tmp_path: Path) -> No
     assert set(_table(tmp_path / "out")) == {"cmu/07/07_01.amc", "cmu/08/08_01.amc"}
 
 
-def test_a_skeleton_given_outright(folder: Path, tmp_path: Path) -> None:
+def test_a_skeleton_given_as_an_option(folder: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone.amc"
     alone.write_bytes(AsfText(frames=9).amc())
-    with pytest.raises(InputError, match="no ASF lies beside"):
+    with pytest.raises(InputError, match="there is no ASF in its folder"):
         run(Config(sources=(str(alone),), output=tmp_path / "out"))
     run(Config(sources=(str(alone),), output=tmp_path / "out", skeleton=str(folder / "cmu" / "07" / "07.asf")))
     assert open_artefact(tmp_path / "out").manifest.summary["formats"] == {"asf": 1}
@@ -213,7 +213,7 @@ def test_a_recording_in_two_formats_is_on_one_side_of_the_split(tmp_path: Path) 
     splits = tmp_path / "splits.json"
     splits.write_text('{"robots.zip": {"test": ["robots/b.bvh"], "val": ["robots/csv/c.csv"]}}')
     report = run(Config(sources=(str(tmp_path / "robots.zip"),), output=tmp_path / "out", splits=splits))
-    assert "3 recordings of robots.zip seem to be there in several formats" in " ".join(report.lines)
+    assert "3 recordings of robots.zip seem to exist in several formats" in " ".join(report.lines)
     with MotionReader(tmp_path / "out") as reader:
         sides: dict[str, set[str]] = {}
         for row in reader.clips:

@@ -1,4 +1,4 @@
-"""`inspect` tells skeleton, groups, unit, rate and problems, of one file or of all in an archive."""
+"""`inspect` reports skeleton, groups, unit, rate and problems of one file or of all files in an archive."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_one_file(tmp_path: Path) -> None:
     assert report.figures["unit_m"] == 0.01 and report.figures["tracks"] == ["Hips"]
 
 
-def test_everything_found_is_told_to_machines_too(tmp_path: Path) -> None:
+def test_everything_found_is_in_the_figures_too(tmp_path: Path) -> None:
     path = tmp_path / "walk.bvh"
     path.write_bytes(BvhText(frames=30, above="joint_Root").data())
     figures = json.loads(run(Config(path=str(path))).model_dump_json())["figures"]
@@ -48,7 +48,7 @@ def test_everything_found_is_told_to_machines_too(tmp_path: Path) -> None:
     assert "tints" not in json.loads(run(Config(path=str(path))).model_dump_json())
 
 
-def test_a_map_is_printed_edited_and_obeyed(tmp_path: Path) -> None:
+def test_a_map_is_printed_edited_and_used(tmp_path: Path) -> None:
     path, given = tmp_path / "walk.bvh", tmp_path / "map.toml"
     path.write_bytes(BvhText(frames=30).data())
     text = run(Config(path=str(path), map=True)).figures["map"]
@@ -67,11 +67,11 @@ def test_a_map_is_printed_edited_and_obeyed(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no joint 'x'"):
         infill(InfillConfig(input=path, output=tmp_path / "o.bvh", keyframes="every:10", skeleton_map=given))
     given.write_text(text.replace('"Hips", "Spine"', '"Spine", "Hips"'))
-    with pytest.raises(InputError, match="in spine 'Hips' does not hang below 'Spine'"):
+    with pytest.raises(InputError, match="in spine 'Hips' is not below 'Spine'"):
         run(Config(path=str(path), skeleton_map=given))
 
 
-def test_ingest_and_infill_obey_a_map(tmp_path: Path) -> None:
+def test_ingest_and_infill_use_a_map(tmp_path: Path) -> None:
     """A rig that is not recognised is skipped without a map, and read with one."""
     names = {name: f"b{i}" for i, name in enumerate(("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe"))}
     path, given = tmp_path / "odd.bvh", tmp_path / "map.toml"
@@ -88,12 +88,14 @@ def test_ingest_and_infill_obey_a_map(tmp_path: Path) -> None:
     report = ingest(
         IngestConfig(sources=(str(path),), output=tmp_path / "motion", skeleton_map=(other, given), licence="CC0")
     )
-    assert report.figures["clips"] == 1 and any("other.toml fits none of the rigs" in line for line in report.lines)
+    assert report.figures["clips"] == 1 and any(
+        "other.toml matches none of the rigs" in line for line in report.lines
+    )
     with MotionReader(tmp_path / "motion") as reader:
         assert BODY_GROUPS[reader.skeleton(reader.clips[0].skeleton).groups[14]] == "left_leg"
 
 
-def test_sides_that_look_swapped_are_a_problem(tmp_path: Path) -> None:
+def test_sides_that_seem_swapped_are_a_problem(tmp_path: Path) -> None:
     names = {
         name: ("Right" + name[4:] if name.startswith("Left") else "Left" + name[5:])
         for name, _, _ in HUMANOID
@@ -101,7 +103,7 @@ def test_sides_that_look_swapped_are_a_problem(tmp_path: Path) -> None:
     }
     path = tmp_path / "swapped.bvh"
     path.write_bytes(BvhText(frames=30, names=names).data())
-    assert any("look swapped" in line for line in run(Config(path=str(path))).lines)
+    assert any("seem to be swapped" in line for line in run(Config(path=str(path))).lines)
 
 
 def test_what_is_no_humanoid_is_still_described(tmp_path: Path) -> None:
@@ -126,7 +128,7 @@ def test_jumps_and_stillness_are_problems(tmp_path: Path) -> None:
     assert any("Nothing moves" in line for line in run(Config(path=str(path))).lines)
 
 
-def test_an_archive_in_a_line_each(tmp_path: Path) -> None:
+def test_an_archive_is_listed_one_line_per_file(tmp_path: Path) -> None:
     path = tmp_path / "a.zip"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("good.bvh", BvhText().data())

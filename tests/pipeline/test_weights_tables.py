@@ -12,6 +12,7 @@ import pytest
 
 from data_schemas.artefact import write_artefact
 from data_schemas.metrics import write_metrics
+from stages.shared.settings.recipes import read_recipe
 from tests.pipeline.benchmark_scripts import benchmark_script
 from tests.shared.statistics.test_tables import ROW
 
@@ -25,11 +26,10 @@ def made() -> ModuleType:
     return benchmark_script("weights_tables")
 
 
-def test_every_table_has_its_place_on_the_page_and_its_target_in_the_makefile(made: ModuleType) -> None:
+def test_every_table_has_its_place_on_the_page_and_its_node_in_the_recipe(made: ModuleType) -> None:
     marked = [name for name, _ in SECTION.findall(PAGE.read_text("utf-8"))]
     assert sorted(marked) == sorted(made.TABLES)
-    line = next(x for x in (ROOT / "Makefile").read_text().splitlines() if x.startswith("WEIGHTS_MEASURED :="))
-    assert set(line.partition(":=")[2].split()) == {folder for folder, _ in made.TABLES.values()}
+    assert set(read_recipe("weights").goals["run"].nodes) == {folder for folder, _ in made.TABLES.values()}
 
 
 def test_what_was_measured_stands_on_the_page(made: ModuleType, tmp_path: Path, monkeypatch) -> None:

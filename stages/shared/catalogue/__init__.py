@@ -1,1 +1,1 @@
-"""Public data sets by name: where they are, under which licence, and how they are downloaded."""
+"""Public data sets by name: their addresses and licences, and how they are downloaded."""

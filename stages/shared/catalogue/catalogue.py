@@ -1,4 +1,4 @@
-"""The catalogue of public data sets, read from a TOML file: ours (`data_sets.toml`), or one given by the user."""
+"""The catalogue of public data sets, read from a TOML file: that of pumps (`data_sets.toml`), or the user's."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class _Strict(BaseModel):
 class DataFile(_Strict):
     """One file to download.
 
-    name:     of the file on disk, a plain file name.
+    name:     its plain file name on the disk.
     url:      http or https.
-    bytes:    its size; 0 where nobody states it.
-    checksum: "sha256:..." or "md5:..."; "" where nobody states one.
-    checksum_from: who states the checksum.
+    bytes:    its size; 0 if it is not published.
+    checksum: "sha256:..." or "md5:..."; "" if none is published.
+    checksum_from: the publisher of the checksum.
     """
 
     name: str
@@ -64,10 +64,11 @@ class DataFile(_Strict):
 
 
 class DataSet(_Strict):
-    """One collection.
+    """One data set.
 
-    by_hand: what a person must do where a program may not (an account, moving hosts); then there are no files.
-    ingest:  the command to run on the file, with {file} in its place.
+    by_hand: instructions for a download that a person must do (an account is needed, or the host changes); then
+             there are no files.
+    ingest:  the command that ingests the file, with {file} in its place.
     archives: names of archives that hold its recordings, besides the files that are downloaded.
     rig:      the rig of recordings that hold none: "archive.zip!member", an archive beside theirs.
     true_fps: pattern of member names -> true frames a second, where the recordings state a wrong rate.
@@ -89,7 +90,7 @@ class DataSet(_Strict):
     @model_validator(mode="after")
     def _reachable(self) -> DataSet:
         if bool(self.files) == bool(self.by_hand):
-            raise ValueError("needs either files, or by_hand with what a person must do")
+            raise ValueError("needs either files, or by_hand with instructions for a person")
         return self
 
     @property
@@ -99,7 +100,7 @@ class DataSet(_Strict):
 
     @property
     def bytes(self) -> int:
-        """Size of all files; 0 where one of them is not known."""
+        """Size of all files; 0 if the size of one is unknown."""
         sizes = [each.bytes for each in self.files]
         return sum(sizes) if all(sizes) else 0
 
@@ -108,9 +109,9 @@ def read_catalogue(path: Path | None = None) -> dict[str, DataSet]:
     """The data sets by name, in the file's order.
 
     Args:
-        path: a TOML file in the shape of `data_sets.toml`; None for the one that comes with pumps.
+        path: a TOML file with the layout of `data_sets.toml`; None for that of pumps.
 
-    Raises: InputError naming every fault of the file.
+    Raises: InputError listing every fault of the file.
     """
     where = str(path) if path else "data_sets.toml"
     try:
@@ -141,7 +142,7 @@ def data_sets_by_archive() -> dict[str, tuple[str, DataSet]]:
 
 
 def data_set_named(catalogue: dict[str, DataSet], name: str) -> DataSet:
-    """Raises UsageError naming those there are."""
+    """The data set with this name. Raises UsageError listing the known names."""
     if name not in catalogue:
         raise UsageError(f"No data set is called {name!r}.", f"There are {', '.join(catalogue)}.")
     return catalogue[name]

@@ -1,7 +1,7 @@
-"""Downloads that go on where they broke off, and are checked. Pooch places and verifies; the resuming is ours.
+"""Downloads that are resumed after a break, and verified. Pooch stores and verifies the file; resuming is done here.
 
-What has come lies in `NAME.part`, with the server's mark of that version of the file (its ETag or date) in
-`NAME.part.mark`: a later try asks for the rest of that version, and starts again where the server has another.
+The downloaded part is kept in `NAME.part`, and the server's identifier of that version of the file (its ETag or date)
+in `NAME.part.mark`. A later attempt requests the rest of that version, and starts again if the server has another.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from data_schemas.errors import PumpsError
 from stages.shared.catalogue.catalogue import DataFile
 from stages.shared.progress import Progress
 
-_BLOCK = 1 << 16  # bytes; of a broken connection at most so many are lost
-_PATIENCE_S = 30  # without a byte for so long, the connection counts as broken
-_TRIES = 6  # in a row without a byte gained
-_MOST_UNSTATED = 20 << 30  # bytes of a file whose size nobody states
+_BLOCK = 1 << 16  # most bytes that are lost when a connection breaks
+_PATIENCE_S = 30  # a connection without a byte for so long counts as broken
+_TRIES = 6  # failures in a row, each without a new byte, before the download is given up
+_MOST_UNSTATED = 20 << 30  # most bytes of a file whose size is not published
 
 
 class _Changed(Exception):
-    """The server's file is not the one that the first part is of."""
+    """The server's file is another version than the downloaded part."""
 
 
 def fetch_file(file: DataFile, folder: Path, *, progress: Progress, pause_s: float = 1.0) -> Path:
-    """The file in `folder`, downloaded if it is not there whole, and checked against its checksum.
+    """The file in `folder`, downloaded unless it is there completely, and verified by its checksum.
 
     Args:
         pause_s: wait after the first broken connection, doubled at each further one.
 
-    Raises: PumpsError where the server cannot be reached or sends something else, or the disk is full; what has
-    come is kept, and the next call goes on from there (after a wrong checksum it starts anew).
+    Raises: PumpsError if the server cannot be reached or sends something else, or the disk is full. The downloaded
+        part is kept, and the next call continues it (after a wrong checksum it starts from the beginning).
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / file.name
     _check_room(file, folder)
-    resuming: Any = _Resuming(file, target, progress, pause_s)  # called by place, as pooch calls it
+    resuming: Any = _Resuming(file, target, progress, pause_s)  # pooch passes these arguments by position
     try:
         pooch.get_logger().setLevel("ERROR")
         pooch.retrieve(file.url, file.checksum or None, fname=file.name, path=folder, downloader=resuming)
-    except ValueError as error:  # pooch's word for a wrong checksum
+    except ValueError as error:  # pooch's exception for a wrong checksum
         raise PumpsError(
-            f"{file.name} is not what its checksum says ({file.checksum}; stated by {file.checksum_from}).",
-            "Run the command again to download it anew; if it stays so, the publisher has changed the file.",
+            f"{file.name} does not match its checksum ({file.checksum}; stated by {file.checksum_from}).",
+            "Run the command again to download it again; if it fails again, the publisher has changed the file.",
         ) from error
     except OSError as error:
         raise PumpsError(f"{target} cannot be written: {error.strerror or error}.") from error
@@ -58,13 +58,13 @@ def _check_room(file: DataFile, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if file.bytes > free:
         raise PumpsError(
-            f"{file.name} has {file.bytes / 1e6:.0f} MB, and {folder} has {free / 1e6:.0f} MB left.",
-            "Make room, or choose another folder with -o.",
+            f"{file.name} needs {file.bytes / 1e6:.0f} MB, but {folder} has {free / 1e6:.0f} MB left.",
+            "Free some space, or choose another folder with -o.",
         )
 
 
 class _Resuming:
-    """A downloader in pooch's sense: called with the URL and the file to write."""
+    """A downloader for pooch: called with the URL and the file to write."""
 
     def __init__(self, file: DataFile, target: Path, progress: Progress, pause_s: float):
         self.file, self.progress, self.pause_s = file, progress, pause_s
@@ -90,11 +90,11 @@ class _Resuming:
                 if failures >= _TRIES:
                     raise PumpsError(
                         f"{self.file.name} could not be downloaded: the connection to {url} broke {failures} times.",
-                        f"{self._size() / 1e6:.1f} MB are kept; run the command again to go on.",
+                        f"{self._size() / 1e6:.1f} MB are kept; run the command again to continue.",
                     ) from error
                 time.sleep(self.pause_s * 2 ** (failures - 1))
             if failures >= _TRIES:
-                raise PumpsError(f"{self.file.name} changes on the server while it is downloaded.")
+                raise PumpsError(f"{self.file.name} changed on the server during the download.")
         shutil.move(self.part, output_file)
         self.mark.unlink(missing_ok=True)
         return None
@@ -107,18 +107,18 @@ class _Resuming:
         self.mark.unlink(missing_ok=True)
 
     def _go_on(self, url: str) -> None:
-        """Ask for what is missing and append it. Raises requests' exceptions where the connection breaks."""
+        """Request the missing bytes and append them. Raises requests' exceptions if the connection breaks."""
         have = self._size()
         version = self.mark.read_text() if self.mark.exists() else ""
         if have and not version:
-            self._forget()  # nobody can say of which version this is
+            self._forget()  # the version of the part is unknown
             have = 0
         headers = {"Accept-Encoding": "identity"}
         if have:
             headers |= {"Range": f"bytes={have}-", "If-Range": version}
         with requests.get(url, headers=headers, stream=True, timeout=_PATIENCE_S) as answer:
             if have and answer.status_code == 416:
-                raise _Changed  # nothing is left there, yet the file was not finished
+                raise _Changed  # the server has no further bytes, but the file is not complete
             if answer.status_code not in (200, 206):
                 raise PumpsError(
                     f"{url} answers {answer.status_code} {answer.reason}.",
@@ -143,7 +143,7 @@ class _Resuming:
                     part.close()
                     self._forget()
                     raise PumpsError(
-                        f"{self.file.name} should have {most:,} bytes, and the server sends more.",
+                        f"{self.file.name} should have {most:,} bytes, but the server sends more.",
                         "The publisher has changed the file; see the data set's home page.",
                     )
             if part.tell() < expected:

@@ -1,4 +1,4 @@
-"""AMASS' .npz: SMPL, SMPL-H and SMPL-X pose vectors, in the old layout and the new; Z up, metres."""
+"""Reading AMASS' .npz: SMPL, SMPL-H and SMPL-X pose vectors, in the old and the new layout; Z up, metres."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
     layout = _LAYOUT_OF.get(vectors.shape[1])
     if own is None and layout is None:
         widths = ", ".join(f"{width} ({kind})" for width, kind in sorted(_LAYOUT_OF.items()))
-        raise InputError(f"{name}: its poses are {vectors.shape[1]} wide, and there are {widths}.")
+        raise InputError(f"{name}: its poses are {vectors.shape[1]} numbers wide; pumps reads widths of {widths}.")
     notes: list[str] = []
     trans = _numbers(arrays, "trans", name)
     if trans is None:
@@ -58,9 +58,9 @@ def _rig(
 
 
 def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None:
-    """The rig of an AMASS-like file that brings its own (`stages.shared.formats.amass_write`); None for SMPL's.
+    """The rig stored in an AMASS-like file (see `stages.shared.formats.amass_write`); None for a rig of SMPL.
 
-    Raises: InputError where what it says of its joints does not fit its poses.
+    Raises: InputError if its joints do not match its poses.
     """
     if not all(key in arrays for key in _RIG):
         return None
@@ -73,9 +73,9 @@ def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None
     parents = arrays["parents"]
     sizes = (width, None if offsets is None else offsets.shape, ends.shape, parents.shape)
     if sizes != (3 * joints, (joints, 3), (joints, 3), (joints,)) or parents.dtype.kind not in "iu" or joints == 0:
-        raise InputError(f"{name}: joint_names, parents, offsets and poses are not of the same joints.")
+        raise InputError(f"{name}: joint_names, parents, offsets and poses differ in their number of joints.")
     if joints > MAX_JOINTS or parents[0] != -1 or ((parents[1:] < 0) | (parents[1:] >= np.arange(1, joints))).any():
-        raise InputError(f"{name}: parents are no tree in which the parent comes first.")
+        raise InputError(f"{name}: parents must form one tree, with every parent before its children.")
     assert offsets is not None
     return _rig(names, tuple(parents.tolist()), _places(offsets), _places(ends))
 
@@ -85,7 +85,7 @@ def _places(rows: np.ndarray) -> tuple[_Place, ...]:
 
 
 def _quaternions(vectors: np.ndarray) -> np.ndarray:
-    """(T, J, 4) float32 of rotation vectors (T, 3 J), some frames at a time."""
+    """(T, J, 4) float32 quaternions of rotation vectors (T, 3 J), computed in blocks of frames."""
     out = np.empty((len(vectors), vectors.shape[1] // 3, 4), np.float32)
     for start in range(0, len(vectors), _BLOCK):
         block = vectors[start : start + _BLOCK].astype(np.float64)
@@ -116,7 +116,7 @@ def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 
 def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray | None:
-    """An array of finite numbers as floats, None where it is not there. Raises InputError where it is none."""
+    """An array of finite numbers as floats; None if it is missing. Raises InputError for any other array."""
     array = arrays.get(key)
     if array is None:
         return None
@@ -128,7 +128,9 @@ def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray |
         where = f" in frame {np.argwhere(~finite)[0][0]}" if values.ndim > 1 else ""
         raise InputError(f"{name}: {key} is not finite{where}.")
     if values.size and max(values.max(), -values.min()) > 1e6:
-        raise InputError(f"{name}: {key} holds {max(values.max(), -values.min()):.3g}, which is no angle or place.")
+        raise InputError(
+            f"{name}: {key} holds {max(values.max(), -values.min()):.3g}, which is too large for an angle or a place."
+        )
     return values
 
 
@@ -146,22 +148,22 @@ def _rate(arrays: dict[str, np.ndarray], name: str) -> float:
 def _rest_joints(
     arrays: dict[str, np.ndarray], pickled: list[str], name: str, layout: str, asked: Asked
 ) -> tuple[RestJoints, list[str]]:
-    """The skeleton, and what was taken for granted for it."""
+    """The skeleton, and the assumptions made for it, one sentence each."""
     if asked.body_models is None:
-        return neutral_joints(layout), ["Its joints are those of a neutral figure: no --body-models were given."]
+        return neutral_joints(layout), ["Its joints are those of a neutral body: no --body-models were given."]
     remarks = []
     gender = _gender(arrays)
     if gender is None:
         gender = "neutral"
         remarks.append(
-            "Its gender is not told" + (" (pickled)" if "gender" in pickled else "") + "; neutral is taken."
+            "It states no gender" + (" (pickled)" if "gender" in pickled else "") + "; neutral is assumed."
         )
     betas = _numbers(arrays, "betas", name)
     if betas is None:
         betas = np.zeros(0)
-        remarks.append("It has no betas; the model's mean body is taken.")
+        remarks.append("It has no betas; the model's mean body is used.")
     if betas.ndim == 2:
-        betas = betas.mean(axis=0)  # one set a frame, all alike
+        betas = betas.mean(axis=0)  # one set per frame, all equal
     if betas.ndim != 1:
         raise InputError(f"{name}: betas has the shape {betas.shape}, expected one row.")
     try:

@@ -1,8 +1,8 @@
-"""Writing AMASS-like .npz: rotation vectors, the pelvis' way, Z up; SMPL only where the rig is.
+"""Writing AMASS-like .npz: rotation vectors and the pelvis' path, Z up.
 
-For a rig of the SMPL family poses come in that layout's order, and the file is what AMASS' readers expect. For any
-other rig the same arrays hold its own joints, which `joint_names`, `parents` and `offsets` describe, and
-`surface_model_type` says that it is no SMPL.
+For a rig of the SMPL family the poses follow that layout's order, and AMASS' readers can read the file. For any
+other rig the same arrays hold its own joints, described by `joint_names`, `parents` and `offsets`;
+`surface_model_type` then states that the rig is not SMPL.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from stages.shared.formats.smpl import LAYOUTS, neutral_joints, parents_of
 from stages.shared.humanoid.reference_pose import turn_to_y_up
 
 NOT_SMPL = "none: joint_names, parents and offsets are the rig's own"
-_LIKE_SMPL = 0.8  # cosine between a bone at rest and the same one of the neutral figure
+_LIKE_SMPL = 0.8  # least cosine between a bone at rest and the same bone of the neutral body
 _STILL_M = 1e-3
 
 
 def smpl_layout_of(skeleton: Skeleton) -> str | None:
-    """The SMPL layout whose joints these are, by names, parents and rest pose; None for any other rig."""
+    """The SMPL layout that matches a skeleton's names, parents and rest pose; None for any other rig."""
     place = {name: joint for joint, name in enumerate(skeleton.names)}
     for layout, names in LAYOUTS.items():
         if set(names) != set(place):
@@ -43,7 +43,7 @@ def smpl_layout_of(skeleton: Skeleton) -> str | None:
 
 
 def amass_of_motion(skeleton: Skeleton, motion: Motion, licence: str = "") -> tuple[bytes, list[str]]:
-    """The bytes of an AMASS-like file, and what it leaves out, a sentence each."""
+    """The bytes of an AMASS-like file, and what is not written to it, one sentence each."""
     local = local_rotations_of(skeleton, motion)
     local[:, skeleton.root] = motion.rotations[:, skeleton.root]
     pelvis = places_of(skeleton, motion)[:, skeleton.root]
@@ -76,7 +76,7 @@ def amass_of_motion(skeleton: Skeleton, motion: Motion, licence: str = "") -> tu
 
 
 def _body_below_pelvis(skeleton: Skeleton) -> list[int]:
-    """The pelvis and all that hangs below it."""
+    """The pelvis and all joints below it."""
     inside = {skeleton.root}
     for joint in range(skeleton.root + 1, skeleton.joints):
         if int(skeleton.parents[joint]) in inside:
@@ -88,19 +88,19 @@ def _left_out(skeleton: Skeleton, motion: Motion, order: list[int]) -> list[str]
     notes = []
     outside = [skeleton.names[joint] for joint in range(skeleton.joints) if joint not in set(order)]
     if outside:
-        notes.append(f"Left out what is not below the pelvis: {', '.join(outside[:8])}.")
+        notes.append(f"Left out the joints that are not below the pelvis: {', '.join(outside[:8])}.")
     stretched = [
         skeleton.names[joint]
         for track, joint in enumerate(motion.track_joints)
         if joint in order[1:] and np.abs(motion.tracks[:, track] - skeleton.offsets[joint]).max() > _STILL_M
     ]
     if stretched:
-        notes.append(f"Left out moving places of joints, which the form has none for: {', '.join(stretched[:8])}.")
+        notes.append(f"Left out joint translations, which the format cannot store: {', '.join(stretched[:8])}.")
     return notes
 
 
 def _npz(arrays: dict[str, np.ndarray]) -> bytes:
-    """A .npz whose bytes depend on the arrays alone, and on no clock."""
+    """The bytes of a .npz without timestamps: the same arrays give the same bytes."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():

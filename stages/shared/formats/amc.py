@@ -1,4 +1,4 @@
-"""The motion half of Acclaim's ASF/AMC: a number for each frame, then one line of values for each bone that moves."""
+"""The motion file of Acclaim's ASF/AMC: for each frame its number, then one line of values per moving bone."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.recording import Asked, Recording, recording_of
 from stages.shared.humanoid.reference_pose import PLAUSIBLE_STATURE_M
 
-USUAL_FPS = 120.0  # what CMU recorded at; an AMC seldom says
+USUAL_FPS = 120.0  # CMU's rate; few AMC files state one
 _BLOCK = 1 << 20
 _BONE = re.compile(rb"(?m)^[ \t]*[A-Za-z_]\S*")
 
 
 @dataclass(frozen=True)
 class AmcMotion:
-    """values: (T, C) as written, the channels of `lines` one after another; fps: None where the file says none."""
+    """values: (T, C) as written, the channels of `lines` one after another. fps: None if the file states none."""
 
     values: np.ndarray
     lines: tuple[AsfBone, ...]
@@ -36,7 +36,7 @@ def read_asf_amc(data: bytes, name: str, asked: Asked) -> list[Recording]:
     """The clip of an AMC on the skeleton of `asked.rig`, an ASF. Raises InputError naming file and line."""
     if not asked.rig:
         raise InputError(
-            f"{name} has no skeleton: no ASF lies beside it.",
+            f"{name} has no skeleton: there is no ASF in its folder.",
             "Put its .asf into the same folder, or give --skeleton.",
         )
     skeleton = read_asf(asked.rig, asked.rig_name)
@@ -45,7 +45,7 @@ def read_asf_amc(data: bytes, name: str, asked: Asked) -> list[Recording]:
     fps = asked.fps_override or motion.fps
     if fps is None:
         fps = USUAL_FPS
-        remarks.append(f"It tells no frame rate; taken as {USUAL_FPS:g} frames a second.")
+        remarks.append(f"It states no frame rate; {USUAL_FPS:g} frames a second are assumed.")
     return [
         recording_of(name, _rig(skeleton), _poses(skeleton, motion, fps), asked, notes=motion.notes, remarks=remarks)
     ]
@@ -73,7 +73,7 @@ def read_amc(data: bytes, name: str, skeleton: AsfSkeleton) -> AmcMotion:
 
 
 def _head(data: bytes, name: str, degrees: bool) -> tuple[int, int, bool, float | None]:
-    """Where the first frame's number stands, on which line, and what the lines before say of angles and rate."""
+    """Offset and line of the first frame's number, whether angles are in degrees, and the rate if it is stated."""
     fps, at, line = None, 0, 0
     while at < len(data) and line < 1000:
         end = data.find(b"\n", at)
@@ -105,7 +105,7 @@ def _number(word: bytes) -> float:
 def _first_frame(
     data: bytes, start: int, name: str, line: int, skeleton: AsfSkeleton
 ) -> tuple[tuple[AsfBone, ...], list[bytes]]:
-    """The bones in the order of the first frame's lines; its words, with b"" where numbers stand."""
+    """The bones in the order of the first frame's lines, and its words with b"" in place of each number."""
     bones = {bone.name.lower(): bone for bone in skeleton.bones}
     listed: list[AsfBone] = []
     pattern = [b""]
@@ -116,7 +116,7 @@ def _first_frame(
             break
         bone = _bone_of(words, bones, name, number)
         if bone in listed:
-            raise InputError(f"{name}, line {number}: bone '{bone.name}' stands twice in a frame.")
+            raise InputError(f"{name}, line {number}: bone '{bone.name}' occurs twice in a frame.")
         listed.append(bone)
         pattern += [words[0], *[b""] * len(bone.channels)]
     if not listed or "root" not in (bone.name for bone in listed):
@@ -131,7 +131,7 @@ def _bone_of(words: list[bytes], bones: dict[str, AsfBone], name: str, line: int
         raise InputError(f"{name}, line {line}: the skeleton has no bone '{shown}'.", "Is it another subject's ASF?")
     if len(words) != 1 + len(bone.channels):
         raise InputError(
-            f"{name}, line {line}: bone '{bone.name}' has {len(words) - 1} values and {len(bone.channels)} channels"
+            f"{name}, line {line}: bone '{bone.name}' has {len(words) - 1} values for {len(bone.channels)} channels"
             f" ({' '.join(bone.channels)}).",
             "Is the file truncated?",
         )
@@ -146,7 +146,7 @@ def _lines(data: bytes, start: int) -> Iterator[list[bytes]]:
 
 
 def _blocks(data: bytes, start: int) -> Iterator[bytes]:
-    """The text from `start` on in pieces of whole lines, so that no more than a piece is ever held as words."""
+    """The text from `start` on in blocks of whole lines, so that only one block at a time is split into words."""
     while start < len(data):
         end = data.rfind(b"\n", start, start + _BLOCK) + 1
         if end <= start:
@@ -156,12 +156,12 @@ def _blocks(data: bytes, start: int) -> Iterator[bytes]:
 
 
 def _even_frames(data: bytes, start: int, pattern: list[bytes]) -> np.ndarray | None:
-    """(T, 1 + C) frame numbers and values where every frame has the same lines in the same order; else None."""
+    """(T, 1 + C) frame numbers and values if all frames have the same lines in the same order; else None."""
     width, names = len(pattern), [(i, word) for i, word in enumerate(pattern) if word]
     found, phase = [], 0
     parse = np.fromstring  # text mode: the fastest number parser at hand, exact to the last bit
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how NumPy says that a word was no number
+        warnings.simplefilter("error", DeprecationWarning)  # NumPy's sign that a word was not a number
         for block in _blocks(data, start):
             words = block.split()
             for index, word in names:
@@ -184,7 +184,7 @@ def _even_frames(data: bytes, start: int, pattern: list[bytes]) -> np.ndarray | 
 
 
 def _frame_by_frame(data: bytes, start: int, name: str, line: int, lines: Sequence[AsfBone]) -> np.ndarray:
-    """The same, one line after another: bones in any order; says what is wrong and where."""
+    """The same for bones in any order, slower, line by line. Raises InputError naming line and bone."""
     bones = {bone.name.lower(): bone for bone in lines}
     starts = np.cumsum([1, *(len(bone.channels) for bone in lines)])
     place = {bone.name: int(start) for bone, start in zip(lines, starts, strict=False)}
@@ -202,7 +202,7 @@ def _frame_by_frame(data: bytes, start: int, name: str, line: int, lines: Sequen
             continue
         bone = _bone_of(words, bones, name, number)
         if bone.name in seen:
-            raise InputError(f"{name}, line {number}: bone '{bone.name}' stands twice in a frame.")
+            raise InputError(f"{name}, line {number}: bone '{bone.name}' occurs twice in a frame.")
         seen.add(bone.name)
         values = [_number(word) for word in words[1:]]
         if not np.isfinite(values).all():
@@ -222,7 +222,7 @@ def _check_whole(name: str, line: int, frames: list[np.ndarray], seen: set[str],
 
 
 def _rig(skeleton: AsfSkeleton) -> Rig:
-    """Joints at the bones' heads: a bone's own vector is where its children begin, and the end site of a leaf."""
+    """A joint at each bone's head. A bone's vector is the offset of its children, or the end site of a leaf."""
     bones = skeleton.bones
     parents = tuple(bone.parent for bone in bones)
     nowhere = (0.0, 0.0, 0.0)
@@ -266,5 +266,5 @@ def _poses(skeleton: AsfSkeleton, motion: AmcMotion, fps: float) -> Poses:
 
 
 def _about_fixed_axes(angles: np.ndarray, order: str) -> np.ndarray:
-    """Quaternions (T, 4) of degrees (T, n) about world axes, the first of `order` turned first."""
+    """Quaternions (T, 4) of degrees (T, n) about world axes, applied in the order of `order`."""
     return euler.to_quaternions(angles[:, ::-1], order[::-1].upper())

@@ -1,6 +1,6 @@
 """Zip and tar archives, listed and read member by member in memory; nothing is ever unpacked to the disk.
 
-Members whose names climb out of their archive, or that would fill the memory, are refused.
+A member is refused if its name leads out of the archive, or if it would fill the memory.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 from data_schemas.errors import InputError
 
 MAX_FILE_BYTES = 1 << 30
-MAX_RATIO = 300  # text of numbers packs 3 to 10 times; a bomb a thousand times and more
+MAX_RATIO = 300  # unpacked over packed: 3 to 10 for numbers as text, 1000 and more for a zip bomb
 _RATIO_COUNTS_FROM = 16 << 20
 _MAX_MEMBERS = 2_000_000
 
@@ -39,7 +39,7 @@ _DAMAGED = (
 
 @dataclass(frozen=True)
 class Member:
-    """A file in an archive. offset: where its bytes begin in an unpacked tar, -1 in a zip."""
+    """A file in an archive. offset: where its bytes begin in the unpacked tar; -1 in a zip."""
 
     name: str
     size: int
@@ -47,15 +47,15 @@ class Member:
 
 
 def archive_suffix(name: str) -> str:
-    """Which of ARCHIVE_SUFFIXES a file name ends in, or ""."""
+    """The one of ARCHIVE_SUFFIXES that a file name ends in, or ""."""
     lower = name.lower()
     return next((suffix for suffix in ARCHIVE_SUFFIXES if lower.endswith(suffix)), "")
 
 
 def members_of(archive: str) -> tuple[Member, ...]:
-    """All plain files of an archive, in the order in which they are read fastest.
+    """All plain files of an archive, in the order that is fastest to read.
 
-    Raises: InputError where it is damaged, or a member's name or size is hostile.
+    Raises: InputError if the archive is damaged, or a member's name or size is hostile.
     """
     try:
         return _listed(archive, _stamp(archive))
@@ -64,7 +64,7 @@ def members_of(archive: str) -> tuple[Member, ...]:
 
 
 def read_member(archive: str, member: Member) -> bytes:
-    """A member's bytes. Raises InputError where they are damaged, or other than the archive's list says."""
+    """A member's bytes. Raises InputError if they are damaged, or their size is not the one in the archive's list."""
     name = f"{archive}!{member.name}"
     try:
         if member.offset >= 0:
@@ -73,13 +73,15 @@ def read_member(archive: str, member: Member) -> bytes:
             data = stream.read(member.size)
         else:
             with _zip(archive, _stamp(archive)).open(member.name) as file:
-                # The list of a hostile archive may understate the size; read no more than it says, and one byte.
+                # A hostile archive may list a size that is too small: read one byte more than that, and no further.
                 data = file.read(member.size + 1)
     except _DAMAGED as error:
         reason = "it is encrypted" if "encrypted" in str(error) else "its data are damaged"
         raise InputError(f"{name} cannot be read: {reason}.", "Fetch the archive again.") from None
     if len(data) != member.size:
-        raise InputError(f"{name} is {len(data)} bytes or more where the archive says {member.size}.")
+        raise InputError(
+            f"{name} is {len(data)} bytes or more, but the archive lists {member.size}.", "Fetch the archive again."
+        )
     return data
 
 
@@ -90,7 +92,7 @@ def _stamp(archive: str) -> tuple[int, int]:
 
 @lru_cache(maxsize=8)
 def _listed(archive: str, stamp: tuple[int, int]) -> tuple[Member, ...]:
-    """Each archive is listed once in a process, as long as the file stays the same."""
+    """The members of an archive, read once per process unless the file changes."""
     is_zip = archive_suffix(archive) == ".zip"
     members = []
     try:
@@ -112,7 +114,10 @@ def _listed(archive: str, stamp: tuple[int, int]) -> tuple[Member, ...]:
 def _check_member(archive: str, name: str, size: int, packed: int) -> None:
     plain = name.replace("\\", "/")
     if plain.startswith("/") or ":" in plain.split("/")[0] or ".." in plain.split("/") or "\0" in plain:
-        raise InputError(f"{archive} has a member whose name climbs out of it: '{name[:100]}'.")
+        raise InputError(
+            f"{archive} has a member whose name leads out of the archive: '{name[:100]}'.",
+            "Take it out of the archive.",
+        )
     if size > MAX_FILE_BYTES or (size > _RATIO_COUNTS_FROM and size > MAX_RATIO * max(packed, 1)):
         raise InputError(
             f"{archive} has a member '{name[:100]}' that would unpack to {size / 1e6:.0f} MB.",
@@ -138,7 +143,10 @@ def _in_zip(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, in
 
 
 class _Unpacked(io.RawIOBase):
-    """An archive's unpacked bytes. Reading on is cheap, going back starts anew; a bomb is cut off as it unpacks."""
+    """An archive's unpacked bytes.
+
+    Reading forwards is cheap; seeking backwards unpacks again from the start. Unpacking stops at a size limit.
+    """
 
     def __init__(self, archive: str):
         self._file: BinaryIO = _TAR_SUFFIXES[archive_suffix(archive)](archive, "rb")
@@ -157,16 +165,16 @@ class _Unpacked(io.RawIOBase):
 
     def seek(self, offset: int, whence: int = 0) -> int:
         if whence != 0 or offset < 0:
-            raise ValueError("only places from the start are known")
+            raise ValueError("seek takes an offset of 0 or more from the start of the archive")
         self._check(offset)
         return self._file.seek(offset)
 
     def read(self, size: int = -1) -> bytes:
         if not 0 <= size <= MAX_FILE_BYTES:
-            raise ValueError("a part of no sensible size")
+            raise ValueError(f"cannot read {size} bytes: the size must be from 0 to {MAX_FILE_BYTES}")
         self._check(self._file.tell() + min(size, _RATIO_COUNTS_FROM))
         pieces = []
-        while size > 0:  # in pieces, so that a header's claim alone takes no memory
+        while size > 0:  # in pieces, so that memory is taken only for bytes that are there
             piece = self._file.read(min(size, 1 << 20))
             if not piece:
                 break
@@ -205,6 +213,6 @@ def _in_tar(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, in
 
 
 def forget() -> None:
-    """Close what is kept open, for files that change faster than a clock's tick."""
+    """Close the archives that are kept open. Needed when a file changes within the clock's resolution."""
     for cached in (_listed, _zip, _tar_stream):
         cached.cache_clear()

@@ -1,4 +1,4 @@
-"""NumPy's .npy and .npz, read with every size checked before memory is taken for it, and never a pickle."""
+"""Reading NumPy's .npy and .npz safely: sizes are checked before memory is allocated, pickles are never loaded."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import numpy as np
 from data_schemas.errors import InputError
 
 MAX_ARRAY_BYTES = 1 << 30
-MAX_RATIO = 100  # unpacked over packed; recorded numbers pack two or three times
+MAX_RATIO = 100  # unpacked over packed; 2 or 3 for recorded numbers
 _RATIO_COUNTS_FROM = 64 << 20
 _KINDS = "biufSU"  # numbers and plain text; no objects, no records
 
 
 class PickledArray(InputError):
-    """An array of Python objects, which only unpickling could give."""
+    """An array of Python objects, which could only be read by unpickling."""
 
 
 def read_array(data: bytes, name: str) -> np.ndarray:
@@ -30,18 +30,20 @@ def read_array(data: bytes, name: str) -> np.ndarray:
         version = np.lib.format.read_magic(stream)
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a header in an old spelling is read all the same
+            warnings.simplefilter("ignore")  # old spellings of the header are read too
             shape, by_columns, dtype = header(stream)
-    except Exception:  # the header is a Python literal, whose parser raises whatever it meets
+    except Exception:  # the header is a Python literal, and its parser may raise anything
         raise InputError(f"{name} is no NumPy array or is damaged.") from None
     if dtype.hasobject:
         raise PickledArray(f"{name} holds Python objects, which are never unpickled.", "Save it as plain numbers.")
     if dtype.kind not in _KINDS or dtype.itemsize == 0 or any(n < 0 for n in shape) or len(shape) > 8:
-        raise InputError(f"{name} has the type {str(dtype)[:40]} and shape {str(shape)[:60]}, which is no motion's.")
+        raise InputError(
+            f"{name} has the type {str(dtype)[:40]} and shape {str(shape)[:60]}; motion is stored as plain numbers."
+        )
     size = math.prod(shape) * dtype.itemsize
     if size > MAX_ARRAY_BYTES or size != len(data) - stream.tell():
         raise InputError(
-            f"{name} says it holds {size} bytes of numbers, and {len(data) - stream.tell()} follow.",
+            f"{name} declares {size} bytes of numbers but holds {len(data) - stream.tell()}.",
             "Is the file truncated?",
         )
     flat = np.frombuffer(data, dtype, offset=stream.tell())
@@ -50,16 +52,16 @@ def read_array(data: bytes, name: str) -> np.ndarray:
 
 
 def array_names(data: bytes, name: str) -> tuple[str, ...]:
-    """Names of the arrays in a .npz. Raises InputError where it is none."""
+    """Names of the arrays in a .npz. Raises InputError if the data are not a .npz."""
     with _opened(data, name) as archive:
         return tuple(member.removesuffix(".npy") for member in archive.namelist())
 
 
 def read_arrays(data: bytes, name: str, wanted: Collection[str]) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Those of the wanted arrays that a .npz holds.
+    """Read the wanted arrays that a .npz holds.
 
-    Returns: the arrays by name, and the names of those that were left out because they are pickled.
-    Raises: InputError naming file and array where one is damaged or would fill the memory.
+    Returns: the arrays by name, and the names of pickled arrays, which are left out.
+    Raises: InputError naming file and array if one is damaged or would fill the memory.
     """
     arrays: dict[str, np.ndarray] = {}
     pickled: list[str] = []
@@ -72,7 +74,7 @@ def read_arrays(data: bytes, name: str, wanted: Collection[str]) -> tuple[dict[s
             key = info.filename.removesuffix(".npy")
             try:
                 with archive.open(info) as file:
-                    # The list may understate the size; read no more than it says, and one byte.
+                    # A hostile file may list a size that is too small: read one byte more than that, and no further.
                     content = file.read(info.file_size + 1)
             except (
                 zipfile.BadZipFile,

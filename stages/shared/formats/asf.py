@@ -1,8 +1,9 @@
-"""The skeleton half of Acclaim's ASF/AMC: bones with a direction, a length and an axis of their own.
+"""The skeleton file of Acclaim's ASF/AMC: bones, each with a direction, a length and axes of its own.
 
-By the format's definition (Acclaim 1.10, Vicon's remarks on it): a bone lies along `direction` from its parent's end,
-in world axes at rest; its motion turns about axes that `axis` tilts, M' = C M C^-1; rotations are made about fixed
-axes in the order in which tokens stand. CMU's lengths are inches divided by `length` 0.45.
+The format's definition (Acclaim 1.10, Vicon's remarks on it): a bone starts at its parent's end and lies along
+`direction`, given in world axes at rest. Its motion M is given about axes tilted by the rotation C of `axis`:
+M' = C M C^-1. Rotations are about fixed axes, in the order of the tokens. CMU's lengths are inches divided by its
+`length`, 0.45.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ _CHANNELS = (*_TRANSLATIONS, *_ROTATIONS, "l")
 
 @dataclass(frozen=True)
 class AsfBone:
-    """One bone. channels: as its AMC lines have them ("rx", ...). axis, degrees about fixed axes in `axis_order`.
+    """One bone. channels: those of its AMC lines, in order ("rx", ...). axis: degrees about the axes `axis_order`.
 
-    The root is the bone 0: no length, its channels in their own order.
+    Bone 0 is the root, which has no length; the ASF states the order of its channels.
     """
 
     name: str
@@ -38,7 +39,7 @@ class AsfBone:
 
 @dataclass(frozen=True)
 class AsfSkeleton:
-    """The bones, parents first; unit_m: metres in a unit of length; in_degrees: of an AMC that does not say."""
+    """bones: parents first. unit_m: metres in a unit of length. in_degrees: the default for AMC files."""
 
     bones: tuple[AsfBone, ...]
     unit_m: float
@@ -62,7 +63,7 @@ def read_asf(data: bytes, name: str) -> AsfSkeleton:
 
 @dataclass
 class _Block:
-    """A bone between its begin and end."""
+    """A bone's entry, between its lines `begin` and `end`."""
 
     line: int
     name: str = ""
@@ -132,7 +133,7 @@ class _Reader:
             self.block = _Block(self.line)
             return
         if self.block is None:
-            raise self.fail(f"'{words[0][:40]}' stands outside begin and end")
+            raise self.fail(f"'{words[0][:40]}' is outside begin and end")
         if key == "end":
             self.close(self.block)
             self.block = None
@@ -153,9 +154,9 @@ class _Reader:
         if not name:
             raise self.fail(f"the bone that begins on line {block.line} has no name")
         if name in self.blocks or name == "root":
-            raise self.fail(f"bone '{block.name}' stands twice")
+            raise self.fail(f"bone '{block.name}' is defined twice")
         if not block.direction or math.isnan(block.length):
-            raise self.fail(f"bone '{block.name}' lacks its direction or length")
+            raise self.fail(f"bone '{block.name}' has no direction or no length")
         self.blocks[name] = block
 
     def hierarchy(self, words: list[str]) -> None:
@@ -166,7 +167,7 @@ class _Reader:
             if child in self.parent_of or child == "root":
                 raise self.fail(f"bone '{child[:60]}' has two parents")
             if child not in self.blocks:
-                raise self.fail(f"bone '{child[:60]}' is not among the bonedata")
+                raise self.fail(f"bone '{child[:60]}' is not defined in :bonedata")
             self.parent_of[child] = parent
             self.children.setdefault(parent, []).append(child)
 
@@ -177,13 +178,13 @@ class _Reader:
             raise self.fail("there are no bones below a root", "Is this an ASF file?")
         bones: list[AsfBone] = []
         waiting = [("root", -1)]
-        while waiting:  # depth first, as a BVH lists joints; a ring is never reached from the root
+        while waiting:  # depth first, the order of a BVH's joints; the root has no path to a cycle
             name, parent = waiting.pop()
             bones.append(self.built(name, parent))
             waiting += [(child, len(bones) - 1) for child in reversed(self.children.get(name, []))]
         lost = sorted(set(self.blocks) - {bone.name.lower() for bone in bones})
         if lost:
-            raise self.fail(f"bone '{lost[0][:60]}' hangs on nothing that leads to the root", "Mend its :hierarchy.")
+            raise self.fail(f"bone '{lost[0][:60]}' is not connected to the root", "Correct the :hierarchy section.")
         return AsfSkeleton(tuple(bones), _INCH_M / self.length, self.degrees, self.root_position)  # type: ignore[arg-type]
 
     def built(self, name: str, parent: int) -> AsfBone:
@@ -210,11 +211,11 @@ class _Reader:
     def order(self, words: list[str]) -> str:
         order = "".join(words).lower()
         if sorted(order) != ["x", "y", "z"]:
-            raise self.fail(f"an axis order is '{order[:20]}' and must be XYZ in some order")
+            raise self.fail(f"the axis order is '{order[:20]}' and must be XYZ in some order")
         return order
 
     def channels(self, words: list[str]) -> tuple[str, ...]:
         found = tuple(word.lower() for word in words[1:])
         if len(set(found)) != len(found) or not set(found) <= set(_CHANNELS):
-            raise self.fail(f"'{words[0]}' names {found}, and there are {', '.join(_CHANNELS)}, each once"[:200])
+            raise self.fail(f"'{words[0]}' lists {found}; allowed are {', '.join(_CHANNELS)}, each once"[:200])
         return found

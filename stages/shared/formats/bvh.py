@@ -1,7 +1,7 @@
-"""Reading BVH: every variant met in the wild, number parsing at NumPy's speed, errors that name joint and line.
+"""Reading BVH: the variants found in public data, numbers parsed by NumPy, errors that name joint and line.
 
-Values stay as the file has them (degrees, the file's unit and axes); `stages.shared.formats.bvh_motion` turns them
-into a Motion. Header and rows are kept word for word, so that a file can be written back with only some rows changed.
+Values are kept as in the file (degrees, the file's unit and axes); `stages.shared.formats.bvh_motion` converts them
+to a Motion. Header and rows are kept verbatim, so that a file can be written back with only some rows changed.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ _COUNTS = re.compile(
 
 @dataclass(frozen=True)
 class BvhFile:
-    """A BVH as it stands in its file.
+    """The content of a BVH file.
 
     header:          text up to and excluding the MOTION line, newlines as found.
     motion_head:     text of the MOTION, Frames and Frame Time lines, as found, up to the first row.
-    joints:          as the header lists them; channels of joint j are columns `first_channel` and on.
+    joints:          in the header's order; the channels of joint j start at column `first_channel`.
     frame_time:      seconds, as written. declared_frames: as written.
-    values:          (T, C) float64 in the file's unit and degrees; NaN in unreadable rows (if they were to be kept).
+    values:          (T, C) float64 in the file's unit and degrees; NaN in unreadable rows (if they are kept).
     rows:            T verbatim lines without their newline.
     newline:         of the rows: "\\n", "\\r\\n" or "\\r". encoding: of header and motion_head.
-    warnings:        what was odd and was mended, one sentence each.
+    warnings:        faults of the file that were corrected, one sentence each.
     """
 
     name: str
@@ -68,9 +68,9 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
 
     Args:
         data: the file's bytes.
-        name: what errors call the file.
-        keep_unreadable_rows: give NaN for rows that hold no valid numbers instead of refusing the file (for infill,
-            where the rows between keys may be anything).
+        name: the file's name in error messages.
+        keep_unreadable_rows: return NaN for rows without valid numbers instead of refusing the file (for infill,
+            where the rows between keys may hold anything).
     Raises: InputError naming file, line and joint.
     """
     header_bytes, rest = _split_header(data, name)
@@ -103,7 +103,7 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
 
 
 def _newline_of(text: bytes) -> str | None:
-    """How the first line of a text ends. Header and rows of one file may differ: tools write over tools' files."""
+    """The line ending of a text's first line. Header and rows may differ if two programs wrote the file."""
     at = text.find(b"\n")
     if at < 0:
         return "\r" if b"\r" in text else None
@@ -129,7 +129,7 @@ def _split_header(data: bytes, name: str) -> tuple[bytes, bytes]:
 
 
 def _decode(header: bytes, name: str) -> tuple[str, str]:
-    """Header text and its encoding; Latin-1 takes any bytes, so that they come back as they were."""
+    """Header text and its encoding; Latin-1 decodes any bytes and encodes them back unchanged."""
     try:
         return header.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:
@@ -137,10 +137,10 @@ def _decode(header: bytes, name: str) -> tuple[str, str]:
 
 
 def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
-    """Declared frames, frame time, and where the rows begin."""
+    """Declared frames, frame time, and the offset of the first row."""
     match = _COUNTS.match(rest[:4096])
     if match is None:
-        raise InputError(f"{name}, line {line + 1}: after MOTION come 'Frames: N' and 'Frame Time: SECONDS'.")
+        raise InputError(f"{name}, line {line + 1}: expected 'Frames: N' and 'Frame Time: SECONDS' after MOTION.")
     frames_text, time_text = match["frames"], match["time"]
     if not re.fullmatch(rb"\d{1,18}", frames_text):
         found = frames_text.decode("latin-1")[:40]
@@ -160,7 +160,7 @@ def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where rows stand, to name a bad one."""
+    """Names of a file's joints and lines, for errors about a row."""
 
     name: str
     joints: tuple[BvhJoint, ...]
@@ -199,18 +199,18 @@ def _parse_rows(
 
 
 def _line_of(lines: list[bytes], row: int) -> int:
-    """Which line holds a row: blank lines are no rows."""
+    """The line that holds a row; blank lines are not counted as rows."""
     held = (i for i, line in enumerate(lines) if line and not line.isspace())
     return next(islice(held, row, None))
 
 
 def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]]:
-    """Numbers of every row, (T, C) float64, and the rows that do not hold exactly C numbers."""
+    """Numbers of all rows, (T, C) float64, and the indices of rows that do not hold exactly C numbers."""
     values = np.empty((len(rows), columns))
     bad: list[int] = []
     parse = np.fromstring  # text mode: the fastest number parser at hand, exact to the last bit
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how NumPy says that a word was no number
+        warnings.simplefilter("error", DeprecationWarning)  # NumPy's sign that a word was not a number
         for i, row in enumerate(rows):
             try:
                 values[i] = parse(row, dtype=np.float64, count=-1, sep=" ").reshape(columns)
@@ -221,7 +221,7 @@ def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]
 
 
 def _unwrap_rows(body: bytes, columns: int) -> tuple[list[bytes], np.ndarray] | None:
-    """Rows of a file that breaks them over lines: every C words are one row. None where the words do not fit."""
+    """Rows of a file that wraps them over several lines: C words make one row. None if the words do not fit."""
     words = body.split()
     if not words or len(words) % columns:
         return None
@@ -237,7 +237,7 @@ def _row_error(row: bytes, columns: int, place: _Place, line: int) -> InputError
             shown = word.decode("latin-1")[:40]
             return InputError(f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.")
     hint = "Is the file truncated?" if len(words) < columns else None
-    return InputError(f"{place.name}, line {line}: {len(words)} values where {columns} channels are declared.", hint)
+    return InputError(f"{place.name}, line {line}: {len(words)} values, but {columns} channels are declared.", hint)
 
 
 def _is_number(word: bytes) -> bool:
@@ -249,13 +249,13 @@ def _is_number(word: bytes) -> bool:
 
 
 def _check_frames(name: str, declared: int, found: int, rows: list[bytes]) -> list[str]:
-    """Refuse files without frames or cut short; a count that is one off is a common slip and only named."""
+    """Refuse a file without frames, or with a wrong frame count; a count that is wrong by one is only reported."""
     if found == 0:
         raise InputError(f"{name} holds no frames.")
     if declared == found:
         return []
     if abs(declared - found) == 1:
-        return [f"Frames says {declared} and there are {found} rows; the rows count."]
+        return [f"Frames says {declared} and there are {found} rows; the rows are used."]
     raise InputError(
         f"{name}: Frames says {declared} and there are {found} rows.",
         "Is the file truncated?" if found < declared else "Correct the Frames line.",

@@ -1,4 +1,4 @@
-"""The HIERARCHY part of a BVH: a bounded, non-recursive parser whose every refusal names joint and line."""
+"""The HIERARCHY part of a BVH: a bounded, non-recursive parser whose errors name joint and line."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _CHANNELS = {name.lower(): name for name in POSITION_CHANNELS + ROTATION_CHANNEL
 
 @dataclass(frozen=True)
 class BvhJoint:
-    """One joint of a BVH as its header has it, in the file's own unit and axes.
+    """One joint of a BVH's header, in the file's own unit and axes.
 
     channels: canonical names ("Xposition", ...) in file order; `first_channel` is the column of the first in a row.
-    end_site: offset of the joint's End Site, or None where the joint has children or no End Site.
+    end_site: offset of the joint's End Site, or None if the joint has children or no End Site.
     line:     1-based line of the joint's ROOT or JOINT word.
     """
 
@@ -31,7 +31,7 @@ class BvhJoint:
 
 
 class HeaderFault(Exception):
-    """What is wrong with a header, on which line; the reader adds the file's name."""
+    """A fault of a header and its line; the reader adds the file's name."""
 
     def __init__(self, line: int, message: str, hint: str | None = None):
         super().__init__(message)
@@ -42,7 +42,7 @@ class HeaderFault(Exception):
 
 @dataclass
 class _Open:
-    """A joint whose closing brace has not come yet; `index` is -1 for an End Site."""
+    """A joint whose closing brace has not been read yet; `index` is -1 for an End Site."""
 
     name: str
     index: int
@@ -64,7 +64,7 @@ def parse_header(header: str) -> tuple[BvhJoint, ...]:
     parser = _Parser()
     lines = header.lstrip("\ufeff").splitlines()
     for number, line in enumerate(lines, start=1):
-        # Braces may share a line with other words; outside names they are words of their own.
+        # A brace may touch another word ("Hips{"), so each brace is made a word of its own.
         parser.feed(line.replace("{", " { ").replace("}", " } ").split(), number)
     return parser.finish(len(lines))
 
@@ -78,7 +78,7 @@ class _Parser:
         self.seen_hierarchy = False
 
     def feed(self, words: list[str], line: int) -> None:
-        """Take one line's words; several statements may share a line."""
+        """Parse one line's words; a line may hold several statements."""
         while words:
             word = words[0].upper()
             if word == "HIERARCHY":
@@ -98,7 +98,7 @@ class _Parser:
             elif word == "CHANNELS":
                 words = self._channels(words, line)
             else:
-                raise HeaderFault(line, f"the word '{words[0][:40]}' is none that a BVH hierarchy knows")
+                raise HeaderFault(line, f"'{words[0][:40]}' is not a keyword of a BVH hierarchy")
 
     def finish(self, line: int) -> tuple[BvhJoint, ...]:
         if self.stack:
@@ -121,17 +121,17 @@ class _Parser:
 
     def _top(self, word: str, line: int) -> _Open:
         if not self.stack or not self.stack[-1].entered:
-            raise HeaderFault(line, f"{word} stands outside the braces of a joint")
+            raise HeaderFault(line, f"{word} is outside the braces of a joint")
         return self.stack[-1]
 
     def _enter(self, line: int) -> None:
         if not self.stack or self.stack[-1].entered:
-            raise HeaderFault(line, "a '{' stands where no joint was named before it")
+            raise HeaderFault(line, "a '{' does not follow the name of a joint")
         self.stack[-1].entered = True
 
     def _leave(self, line: int) -> None:
         if not self.stack:
-            raise HeaderFault(line, "a '}' closes nothing")
+            raise HeaderFault(line, "a '}' has no matching '{'")
         top = self._top("'}'", line)
         self.stack.pop()
         if top.index < 0 and self.stack:
@@ -146,15 +146,17 @@ class _Parser:
         if name in self.names:
             raise HeaderFault(
                 line,
-                f"joint '{name}' stands twice, first on line {self.joints[self.names[name]].line}",
+                f"joint '{name}' is defined twice, first on line {self.joints[self.names[name]].line}",
                 "Rename one of the two.",
             )
         if word == "ROOT" and self.joints:
             raise HeaderFault(
-                line, f"a second ROOT '{name}' follows '{self.joints[0].name}'", "Split the file: one ROOT each."
+                line,
+                f"there is a second ROOT '{name}' after '{self.joints[0].name}'",
+                "Split the file: one ROOT each.",
             )
         if word == "JOINT" and (not self.stack or self.stack[-1].index < 0):
-            raise HeaderFault(line, f"JOINT '{name}' has no parent", "The first joint is written ROOT.")
+            raise HeaderFault(line, f"JOINT '{name}' has no parent", "Write ROOT for the first joint.")
         if len(self.joints) >= MAX_JOINTS:
             raise HeaderFault(line, f"there are more than {MAX_JOINTS} joints")
         parent = self._top(word, line).index if self.stack else -1
@@ -167,7 +169,7 @@ class _Parser:
     def _open_end_site(self, words: list[str], line: int) -> list[str]:
         parent = self._top("End Site", line)
         if parent.index < 0:
-            raise HeaderFault(line, "an End Site stands inside an End Site")
+            raise HeaderFault(line, "an End Site is inside another End Site")
         self.stack.append(_Open(f"End Site of {parent.name}", -1, line))
         rest = words[1:]
         while rest and rest[0] != "{":  # "End Site", "EndSite" and "End Site name" all exist
@@ -183,7 +185,7 @@ class _Parser:
         except ValueError:
             raise HeaderFault(line, f"OFFSET of '{top.name}' needs three numbers, found {words[1:4]}") from None
         if not all(math.isfinite(value) and abs(value) < 1e9 for value in (x, y, z)):
-            raise HeaderFault(line, f"OFFSET of '{top.name}' is not a finite place: {words[1:4]}")
+            raise HeaderFault(line, f"OFFSET of '{top.name}' is not finite or too large: {words[1:4]}")
         top.offset = (x, y, z)
         return words[4:]
 
@@ -199,7 +201,7 @@ class _Parser:
         found = words[2 : 2 + count]
         channels = tuple(_CHANNELS.get(word.lower(), "") for word in found)
         if len(channels) != count or "" in channels:
-            raise HeaderFault(line, f"CHANNELS of '{top.name}' promises {count} channels, found {found}")
+            raise HeaderFault(line, f"CHANNELS of '{top.name}' declares {count} channels, found {found}")
         if len(set(channels)) != count:
             raise HeaderFault(line, f"CHANNELS of '{top.name}' names a channel twice: {found}")
         top.channels = channels

@@ -1,4 +1,4 @@
-"""The HIERARCHY text of a BVH for joints that came from another format, so that every motion can be given as BVH."""
+"""Writing the HIERARCHY text of a BVH for joints read from another format, so that any motion can be saved as BVH."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 _TURNS = "Zrotation Xrotation Yrotation"
 _PLACES = "Xposition Yposition Zposition"
-_DEEPEST_INDENT = 32  # a line of thousands of joints would else be mostly blanks
+_DEEPEST_INDENT = 32  # deeper joints are not indented further: a chain of thousands would be mostly blanks
 _UNFIT = re.compile(r"[\x00-\x20\x7f-\x9f{}\u2028\u2029]+")
 
 
 def plain_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Joint names that fit a BVH: no blanks, braces or control characters, none empty, none twice."""
+    """Joint names that are valid in a BVH: without blanks, braces and control characters, not empty, unique."""
     taken: set[str] = set()
     out = []
     for index, name in enumerate(names):
@@ -34,11 +34,11 @@ def header_text(
     placed: Sequence[bool],
     decimals: int = 6,
 ) -> str:
-    """A BVH's text up to its MOTION line.
+    """The text of a BVH up to its MOTION line.
 
     Args:
-        parents: depth first, as the joints of a BVH come; -1 for joint 0.
-        end_sites: (J, 3) where leaves end; a leaf with zeros gets an End Site of no length.
+        parents: joints in depth-first order, the order of a BVH; -1 for joint 0.
+        end_sites: (J, 3) ends of leaves; a leaf with zeros gets an End Site of zero length.
         placed: joints that get position channels before their rotation channels.
     """
     children: list[list[int]] = [[] for _ in names]

@@ -1,7 +1,7 @@
-"""A BVH to a Skeleton and a Motion; `values_of` (from `stages.shared.formats.bvh_rows`) is the way back.
+"""Converting a BVH to a Skeleton and a Motion; `values_of` (`stages.shared.formats.bvh_rows`) is the inverse.
 
-Position channels replace a joint's OFFSET, as every exporter of such files means it. A joint below joint 0 whose
-position varies gets a translation track; one whose position stands still keeps its offset.
+Position channels replace a joint's OFFSET, which is how exporters of such files use them. A joint below joint 0 gets
+a translation track if its position varies; otherwise it keeps its offset.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from stages.shared.formats.skeleton_map import SkeletonMap
 
 __all__ = ["motion_of", "places_of", "rate_of", "read_bvh_motion", "rig_and_poses", "values_of"]
 
-STILL_M = 1e-4  # a position that moves less than this is still: exporters write rounding noise
+STILL_M = 1e-4  # a position that moves less than this is constant: exporters write rounding noise
 
 
 def read_bvh_motion(data: bytes, name: str, asked: Asked) -> list[Recording]:
@@ -45,12 +45,12 @@ def motion_of(
     """The skeleton and motion of a BVH, Y up, metres.
 
     Args:
-        fps_override: true frames per second where the file's frame time is wrong.
-        rest_frame: a frame in which the figure stands upright, to find up axis and sides by.
+        fps_override: true frames per second if the file's frame time is wrong.
+        rest_frame: a frame in which the body stands upright, from which up axis and sides are found.
         trim_first: frames to drop at the start, or "auto": one if frame 0 is a calibration pose far from frame 1.
-        skeleton_maps: the user's word on the rig; the one that fits its joints is taken.
-    Returns: skeleton, motion (global float32 rotations), notes on what was found odd, one sentence each.
-    Raises: InputError naming the file where no humanoid is found or an argument is out of range.
+        skeleton_maps: the user's skeleton maps; the one that matches the joints is used.
+    Returns: skeleton, motion (global float32 rotations), notes on the file's oddities, one sentence each.
+    Raises: InputError naming the file if no humanoid is found or an argument is out of range.
     """
     try:
         body = _body_of(bvh.joints, bvh.values, skeleton_maps)
@@ -64,9 +64,9 @@ def motion_of(
 
 
 def rig_and_poses(bvh: BvhFile) -> tuple[Rig, Poses]:
-    """The joints of a BVH and what its rows say, in the file's unit and axes, as `figure` takes them.
+    """The joints and poses of a BVH, in the file's unit and axes, as the types of `stages.shared.formats.figure`.
 
-    Raises: InputError where the joints are no humanoid's.
+    Raises: InputError if the joints are not those of a humanoid.
     """
     body = _body_of(bvh.joints, bvh.values)
     offsets = tuple((x, y, z) for x, y, z in body.offsets.tolist())
@@ -86,7 +86,7 @@ def rate_of(frame_time: float) -> float:
 
 
 def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray, maps: tuple[SkeletonMap, ...] = ()) -> Body:
-    """The figure. Positions given in rows count where they differ from the header's OFFSET."""
+    """The body. A joint's position in the rows is used where it differs from the header's OFFSET."""
     header = tuple(joint.offset for joint in joints)
     try:
         body = body_of(_rig(joints, header, maps))

@@ -1,4 +1,4 @@
-"""A motion as a BVH file, with the header that its skeleton carries."""
+"""Writing a motion as a BVH file, with the header stored in its skeleton."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stages.shared.formats.bvh_write import DECIMALS, write_bvh
 
 
 def template_of(header: str, fps: float, name: str) -> BvhFile:
-    """A BVH with this header and one row of zeros. Raises InputError where the header is none."""
+    """A BVH with this header and one row of zeros. Raises InputError if the header is not that of a BVH."""
     try:
         columns = sum(len(joint.channels) for joint in parse_header(header))
     except HeaderFault as fault:
@@ -22,9 +22,9 @@ def template_of(header: str, fps: float, name: str) -> BvhFile:
 
 
 def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: int = DECIMALS) -> bytes:
-    """The bytes of a BVH of a motion, in the unit and axes that its skeleton came in.
+    """The bytes of a BVH of a motion, in the unit and axes of its skeleton's source.
 
-    Raises: InputError where the skeleton carries no header.
+    Raises: InputError if the skeleton has no BVH header.
     """
     template = template_of(skeleton.header, motion.fps, name)
     return write_bvh(template, values_of(template, skeleton, motion), decimals=decimals)

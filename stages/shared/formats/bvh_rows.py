@@ -1,4 +1,4 @@
-"""The columns of a BVH's rows: what each means, rows to rotations, and poses back to rows in the file's own terms."""
+"""The columns of a BVH's rows: their meaning, rows to rotations, and poses back to rows."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _LONG_FRAMES = 1000
 
 @dataclass(frozen=True)
 class Layout:
-    """Which columns of a row mean what.
+    """The meaning of a row's columns.
 
-    rotations: for every channel order that occurs ("ZXY"): joints (n,) and columns (n, len(order)).
+    rotations: for each channel order in the file (such as "ZXY"): joints (n,) and columns (n, len(order)).
     position_joints, position_axes, position_columns: (M,) each, one entry a position channel.
     """
 
@@ -59,7 +59,7 @@ def layout_of(joints: tuple[BvhJoint, ...]) -> Layout:
 def local_quaternions(joints: tuple[BvhJoint, ...], values: np.ndarray) -> np.ndarray:
     """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C).
 
-    In memory the components lie apart and time runs fastest, since everything done with them runs along time.
+    The memory layout is (4, J, T), time fastest, since all operations on them run along time.
     """
     channels = np.ascontiguousarray(values.T)
     parts = np.empty((4, len(joints), len(values)))
@@ -78,9 +78,9 @@ def values_of(bvh: BvhFile, skeleton: Skeleton, motion: Motion, near: np.ndarray
     Args:
         bvh: the file that the motion's skeleton was read from (only its joints are used).
         motion: T frames on that skeleton.
-        near: (T, C) rows to stay near to, choosing among equal Euler angles; where a row is NaN, or without `near`,
-            the row before is the guide, so that curves never jump. Position channels of joints without a track take
-            `near`'s value where there is one, else the skeleton's offset.
+        near: (T, C) rows: of equivalent Euler angles, those nearest to `near` are chosen. Where a row is NaN, or
+            without `near`, those nearest to the row before are chosen, so that curves do not jump. Position channels
+            of joints without a track take `near`'s value if there is one, else the skeleton's offset.
     """
     frames, columns = motion.frames, sum(len(joint.channels) for joint in bvh.joints)
     guide = np.full((frames, columns), np.nan) if near is None else near

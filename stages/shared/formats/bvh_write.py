@@ -1,4 +1,4 @@
-"""Writing a BVH back: the header word for word, chosen rows byte for byte, the others as numbers."""
+"""Writing a BVH back: the header verbatim, chosen rows byte for byte, the others from numbers."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ def write_bvh(
     """The bytes of a BVH with the header of another one.
 
     Args:
-        bvh: where header, Frames and Frame Time lines, newline and verbatim rows come from.
-        values: (T, C) in the file's unit and degrees; rows that are verbatim are not looked at.
+        bvh: the source of the header, the Frames and Frame Time lines, the newline and the verbatim rows.
+        values: (T, C) in the file's unit and degrees; verbatim rows are ignored.
         verbatim_rows: frame to write -> row of `bvh` to copy byte for byte.
-        frame_count: how many rows to write, T unless given. The Frames line changes only if it says another count
-            and the count is not that of `bvh` as it was found (a file whose own count is one off keeps it).
-        frame_time: seconds, for rows of another rate than the file's; None leaves that line as it is.
-    Raises: PumpsError where a value is not finite or the shapes do not fit.
+        frame_count: number of rows to write, T by default. The Frames line is changed only if this number differs
+            from the number of rows in `bvh` (a file whose Frames line is wrong by one keeps that line).
+        frame_time: seconds, if the rows have another rate than the file; None keeps the file's line.
+    Raises: PumpsError if a value is not finite or the shapes do not match.
     """
     copied = verbatim_rows or {}
     count = len(values) if frame_count is None else frame_count
     columns = sum(len(joint.channels) for joint in bvh.joints)
     if values.shape != (count, columns):
-        raise PumpsError(f"{bvh.name}: rows of shape {values.shape} were to be written, expected {(count, columns)}.")
+        raise PumpsError(f"{bvh.name}: the rows to write have the shape {values.shape}, expected {(count, columns)}.")
     made = [frame for frame in range(count) if frame not in copied]
     if not np.isfinite(values[made]).all():
         raise PumpsError(f"{bvh.name}: a value to write is not finite.")
@@ -60,7 +60,7 @@ def write_bvh(
 
 
 def format_rows(values: np.ndarray, decimals: int = DECIMALS) -> list[bytes]:
-    """Rows (T, C) as text with so many decimals."""
+    """Rows (T, C) as text with the given number of decimals."""
     pattern = " ".join([f"%.{decimals}f"] * values.shape[1])
     rounded = np.round(values, decimals) + 0.0  # + 0.0 turns -0.0 into 0.0
     return [(pattern % tuple(row)).encode() for row in rounded.tolist()]

@@ -1,7 +1,7 @@
-"""Reading DeepMimic clips (the humanoid3d_*.txt that pybullet carries) and giving them as BVH.
+"""Reading DeepMimic clips (the humanoid3d_*.txt of pybullet) and converting them to BVH.
 
-A clip is JSON: {"Loop": "wrap" or "none", "Frames": [[seconds, root x y z, root w x y z, ...], ...]};
-quaternions stand w x y z, knees and elbows are one angle about Z. The figure has 13 joints, Y up, faces +X, metres.
+A clip is JSON: {"Loop": "wrap" or "none", "Frames": [[seconds, root x y z, root w x y z, ...], ...]}.
+Quaternions are w x y z; knees and elbows are one angle about Z. The body has 13 joints, Y up, faces +X, metres.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _WIDTH = 44
 _SEAM_SECONDS = 0.4
 _STEP_S = (1e-4, 10.0)
 _RESAMPLED_FPS = 30.0
-_MOST_MADE = 20  # frames put in for one of the file
+_MOST_MADE = 20  # most frames after resampling, per frame of the file
 _CM = 100.0
-# Name, parent, head in the parent's frame, end site, all metres: the humanoid3d model's own sizes.
+# Name, parent, head in the parent's frame, end site, in metres: the sizes of the humanoid3d model.
 _JOINTS: tuple[tuple[str, int, tuple[float, float, float], tuple[float, float, float] | None], ...] = (
     ("root", -1, (0.0, 0.0, 0.0), None),
     ("chest", 0, (0.0, 0.236151, 0.0), None),
@@ -48,7 +48,7 @@ _JOINTS: tuple[tuple[str, int, tuple[float, float, float], tuple[float, float, f
     ("left_knee", 10, (0.0, -0.421546, 0.0), None),
     ("left_ankle", 11, (0.0, -0.40987, 0.0), (0.1335, -0.0225, 0.0)),
 )
-# Where each joint's rotation begins in a frame, and how many numbers it has.
+# For each joint the first column of its rotation in a frame, and the number of columns.
 _COLUMNS = {
     "root": (4, 4), "chest": (8, 4), "neck": (12, 4),
     "right_hip": (16, 4), "right_knee": (20, 1), "right_ankle": (21, 4),
@@ -60,7 +60,7 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class DeepMimicClip:
-    """times (K,) seconds, roots (K, 3) metres, local (K, 13, 4) xyzw; `loops` if the clip wraps into its start."""
+    """times (K,) seconds, roots (K, 3) metres, local (K, 13, 4) xyzw; `loops`: the clip continues at its start."""
 
     times: np.ndarray
     roots: np.ndarray
@@ -69,15 +69,15 @@ class DeepMimicClip:
 
 
 def read_deepmimic(data: bytes, name: str) -> DeepMimicClip:
-    """Parse a clip. Raises InputError where it is none."""
-    # A row has 44 numbers: text with more brackets or quotes than rows need is none, and would swell in memory.
+    """Parse a clip. Raises InputError if the data are not a clip."""
+    # A row has 44 numbers: text with more brackets or quotes than that is no clip, and its objects would fill memory.
     if data.count(b"[") + data.count(b"{") > len(data) // _WIDTH + 100 or data.count(b'"') > 1000:
-        raise InputError(f"{name} is no DeepMimic clip: it holds other things than rows of numbers.")
+        raise InputError(f"{name} is no DeepMimic clip: it holds more than rows of numbers.")
     try:
         raw = json.loads(data)
         frames = np.array(raw["Frames"], dtype=np.float64)
     except (ValueError, KeyError, TypeError, RecursionError, OverflowError):
-        raise InputError(f"{name} is no DeepMimic clip: no JSON with equal 'Frames'.") from None
+        raise InputError(f"{name} is no DeepMimic clip: it needs JSON with 'Frames' of equal length.") from None
     if frames.ndim != 2 or frames.shape[1] != _WIDTH or len(frames) < 2:
         raise InputError(f"{name}: Frames has the shape {frames.shape}, expected 2 or more of {_WIDTH} numbers.")
     if not np.isfinite(frames).all() or np.abs(frames).max() > 1e6:
@@ -100,7 +100,7 @@ def read_deepmimic(data: bytes, name: str) -> DeepMimicClip:
 
 
 def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recording]:
-    """The one clip of a file, at its own rate where its frames are of one length. Raises InputError naming it."""
+    """The clip of a file, at its own rate if its frames last equally long. Raises InputError naming the file."""
     clip = read_deepmimic(data, name)
     steps = np.diff(clip.times)
     even = np.abs(steps - steps.mean()) < 1e-3 * steps.mean()
@@ -109,9 +109,9 @@ def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recordin
         fps = _RESAMPLED_FPS
         if clip.times[-1] * fps > _MOST_MADE * len(clip.times):
             raise InputError(
-                f"{name}: its frames last {clip.times[-1]:.1f} s in all, which is too sparse for motion."
+                f"{name}: {len(clip.times)} frames over {clip.times[-1]:.1f} s are too sparse for a motion."
             )
-        notes.append(f"Its frames are of unequal length; put on an even {fps:g} frames a second.")
+        notes.append(f"Its frames last unequally long; they were resampled to {fps:g} frames a second.")
         times = torch.arange(int(np.floor(clip.times[-1] * fps + 1e-6)) + 1) / fps
         local, roots = (part.numpy() for part in _between(clip, times))
     joints = range(len(_JOINTS))
@@ -129,10 +129,10 @@ def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recordin
 
 
 def unrolled(clip: DeepMimicClip, least_seconds: float) -> DeepMimicClip:
-    """A looping clip repeated until it lasts at least so long, each round going on from where the last one ended.
+    """A looping clip repeated until it lasts at least `least_seconds`; each round continues where the last one ended.
 
-    Place on the floor and heading are carried over. A loop's last posture is only nearly its first one; the rest is
-    taken up over the last moments of each round, so that no seam shows.
+    Place on the floor and heading are carried over. The last posture of a loop differs slightly from its first; the
+    difference is blended in over the end of each round, so that the motion is continuous.
     """
     rounds = int(np.ceil(least_seconds / clip.times[-1]))
     if not clip.loops or rounds < 2:
@@ -143,7 +143,7 @@ def unrolled(clip: DeepMimicClip, least_seconds: float) -> DeepMimicClip:
     heading = Rotation.identity()
     for i in range(1, rounds):
         heading = turn * heading
-        # A round's frame 0 is the last one of the round before, so it is left out.
+        # Frame 0 of a round is the last frame of the round before, so it is left out.
         times = np.concatenate([times, times[-1] + clip.times[1:]])
         placed = heading.apply(clip.roots - clip.roots[0] * _FLOOR) + roots[-1] * _FLOOR
         turned = (ending if i < rounds - 1 else clip.local).copy()
@@ -162,7 +162,7 @@ def _turn_about_y(rotation: Rotation) -> Rotation:
 
 
 def _closed(clip: DeepMimicClip, turn: Rotation) -> np.ndarray:
-    """Local rotations (K, 13, 4) that end in the first frame's posture, turned, instead of nearly so."""
+    """Local rotations (K, 13, 4) that end exactly in the first frame's posture, with the root turned by `turn`."""
     goal = clip.local[0].copy()
     goal[0] = (turn * Rotation.from_quat(goal[0])).as_quat()
     rest = (Rotation.from_quat(clip.local[-1]).inv() * Rotation.from_quat(goal)).as_rotvec()
@@ -176,7 +176,7 @@ def _closed(clip: DeepMimicClip, turn: Rotation) -> np.ndarray:
 
 
 def motion_of_deepmimic(clip: DeepMimicClip, fps: float = 30.0) -> tuple[Skeleton, Motion]:
-    """The clip at an even rate, on the humanoid3d skeleton, by the C1 curve through its frames."""
+    """The clip at a constant rate, on the humanoid3d skeleton, by the C1 curve through its frames."""
     times = torch.arange(int(np.floor(clip.times[-1] * fps + 1e-6)) + 1) / fps
     skeleton, _, _ = motion_of(_template())
     local, roots = _between(clip, times)
@@ -184,7 +184,7 @@ def motion_of_deepmimic(clip: DeepMimicClip, fps: float = 30.0) -> tuple[Skeleto
 
 
 def _between(clip: DeepMimicClip, times: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Local rotations and roots at other times, by the C1 curve through the frames."""
+    """Local rotations and root positions at the given times, by the C1 curve through the frames."""
     local, roots, _ = interpolate_pose(
         torch.from_numpy(clip.local).float(),
         torch.from_numpy(clip.roots).float(),

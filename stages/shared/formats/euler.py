@@ -1,6 +1,7 @@
-"""Euler channels of a BVH to quaternions and back, for joints of any order and any number of rotation channels.
+"""Euler channels of a BVH to quaternions and back, for any order and any number of rotation channels.
 
-A joint's rotation is the product of its channels' rotations in their order (intrinsic axes), angles in degrees.
+A joint's rotation is the product of its channels' rotations in the order of the channels (intrinsic axes), in
+degrees.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
-_LOCKED = 1e-6  # cosine of the middle angle below which only a sum of the outer angles means something
+_LOCKED = 1e-6  # gimbal lock: below this cosine of the middle angle only a sum of the outer angles is determined
 
 
 def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
@@ -18,11 +19,11 @@ def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
 
 
 def quaternion_parts(angles: np.ndarray, axes: str) -> np.ndarray:
-    """Components (4, ...) of the quaternions of channel angles (n, ...): each step then runs over whole arrays."""
+    """Components (4, ...) of the quaternions of channel angles (n, ...), so that each step runs on whole arrays."""
     parts = np.zeros((4, *angles.shape[1:]))
     parts[3] = 1.0
     for angle, axis in zip(angles, axes, strict=True):
-        if not angle.any():  # robots have many a channel that never turns
+        if not angle.any():  # many channels of robots never turn
             continue
         half = angle * (np.pi / 360)
         sin, cos = np.sin(half), np.cos(half)
@@ -57,7 +58,7 @@ def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by unit quaternions (..., 4) xyzw."""
     x, y, z, w = (quaternions[..., i] for i in range(4))
     a, b, c = (vectors[..., i] for i in range(3))
-    # v + 2 w (q x v) + 2 q x (q x v), written out: np.cross costs more than all of it on small arrays.
+    # v + 2 w (q x v) + 2 q x (q x v), written out: on small arrays np.cross alone takes longer than all of this.
     p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     return np.stack(
         [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
@@ -66,12 +67,12 @@ def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def angles_near(rotations: np.ndarray, axes: str, near: np.ndarray) -> np.ndarray:
-    """Channel angles of rotations, each frame's nearest to given angles or, where those are NaN, to the frame before.
+    """Channel angles of rotations: in each frame those nearest to `near` or, where that is NaN, to the frame before.
 
     Args:
         rotations: (T, 4) quaternions xyzw.
-        axes: the joint's rotation channels, 1 to 3 of "XYZ"; with fewer than three, what they cannot turn is lost.
-        near: (T, n) degrees, rows of NaN where the frame before (or, in the first frame, zero) is the guide.
+        axes: the joint's rotation channels, 1 to 3 of "XYZ"; rotation about missing axes is lost.
+        near: (T, n) degrees; NaN in frames to keep near to the frame before (or, in the first frame, to zero).
     Returns: (T, n) degrees.
     """
     near = near.copy()
@@ -95,16 +96,16 @@ def _other_triple(angles: np.ndarray) -> np.ndarray:
 
 
 def _distance(angles: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Sum over (..., n) of how far angles are from a goal, whole turns not counted."""
+    """Sum over the last axis of (..., n) of the distances between angles and a goal, modulo 360 degrees."""
     apart = goal - angles
     return np.abs(apart - 360.0 * np.round(apart / 360.0)).sum(axis=-1)
 
 
 def _chosen(pair: np.ndarray, near: np.ndarray, guided: np.ndarray) -> np.ndarray:
-    """Of the two triples (2, T, n) of each frame the one nearer to the guide, or to the one chosen before.
+    """Of the two triples (2, T, n) of each frame the one nearer to the guide, or to the triple of the frame before.
 
-    Whether a frame changes over to the other triple is the same from either, since a change moves both alike; so the
-    choices between two guided frames are a running sum of changes, and no frame has to wait for the one before.
+    A frame changes to the other triple, or does not, whichever triple the frame before has: the distances are the
+    same. So the choices between two guided frames are a running sum of changes, and all frames are computed at once.
     """
     by_guide = (_distance(pair[1], near) < _distance(pair[0], near)) & guided
     changes = np.zeros(len(near), np.int64)
@@ -114,7 +115,7 @@ def _chosen(pair: np.ndarray, near: np.ndarray, guided: np.ndarray) -> np.ndarra
 
 
 def _unwrapped(angles: np.ndarray, near: np.ndarray, guided: np.ndarray) -> np.ndarray:
-    """Angles (T, n) with the whole turns that bring each nearest to its guide or to the frame before."""
+    """Angles (T, n) plus multiples of 360 degrees, each nearest to its guide or to the frame before."""
     steps = np.zeros(angles.shape)
     steps[1:] = np.round((angles[:-1] - angles[1:]) / 360.0)
     by_guide = np.round((np.where(guided[:, None], near, 0.0) - angles) / 360.0)
@@ -122,7 +123,7 @@ def _unwrapped(angles: np.ndarray, near: np.ndarray, guided: np.ndarray) -> np.n
 
 
 def _since_guided(steps: np.ndarray, starts: np.ndarray, guided: np.ndarray) -> np.ndarray:
-    """Running sum of steps (T, ...) that starts anew, at `starts`, in every guided frame; the first one is guided."""
+    """Running sum of steps (T, ...) that is reset to `starts` in every guided frame; frame 0 must be guided."""
     total = np.cumsum(steps, axis=0)
     last = np.maximum.accumulate(np.where(guided, np.arange(len(guided)), 0))
     return starts[last] + total - total[last]
@@ -131,7 +132,7 @@ def _since_guided(steps: np.ndarray, starts: np.ndarray, guided: np.ndarray) -> 
 def _one_by_one(
     pair: np.ndarray, near: np.ndarray, guided: np.ndarray, locked: np.ndarray, parity: float
 ) -> np.ndarray:
-    """As the vectorised way, but frame after frame, for curves that pass through a gimbal lock."""
+    """The same as `_unwrapped` of `_chosen`, frame by frame, for curves that pass through gimbal lock."""
     out = np.empty(near.shape)
     previous = np.zeros(near.shape[1])
     for frame in range(len(near)):
@@ -151,7 +152,7 @@ def _parity(axes: str) -> float:
 
 
 def _tait_bryan(rotations: np.ndarray, axes: str) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (T, 3) degrees about three different intrinsic axes, middle one in [-90, 90]; and where they lock."""
+    """Angles (T, 3) degrees about three different intrinsic axes, the middle one in [-90, 90]; (T,) gimbal lock."""
     i, j, k = (_AXIS[axis] for axis in axes)
     sign = _parity(axes)
     matrix = Rotation.from_quat(rotations).as_matrix()
@@ -167,7 +168,7 @@ def _tait_bryan(rotations: np.ndarray, axes: str) -> tuple[np.ndarray, np.ndarra
 
 
 def _nearest_locked(angles: np.ndarray, guide: np.ndarray, parity: float) -> np.ndarray:
-    """At the lock only first + third (or first - third) counts: share the way from the guide between the two."""
+    """Angles at gimbal lock: only first + third (or first - third) is determined; both move equally off the guide."""
     turn = parity if angles[1] > 0 else -parity
     wanted = angles[0] + turn * angles[2]
     error = wanted - (guide[0] + turn * guide[2])

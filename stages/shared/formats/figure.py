@@ -1,6 +1,7 @@
-"""A figure in motion, as any reader found it, to a Skeleton and a Motion: parts, unit, up axis, sides, tails, trim.
+"""From the joints and poses that any reader returns to a Skeleton and a Motion, Y up, metres.
 
-Readers give joints, local rotations and places in the source's own unit and axes; what comes out is Y up, metres.
+Readers return joints, local rotations and places in the source's own unit and axes. Found here: body parts, unit, up
+axis, left and right, bones' tails, and how many frames to trim at the start.
 """
 
 from __future__ import annotations
@@ -27,22 +28,22 @@ _SIDES_SPACING_S = 0.2
 _SIDES_FRAMES = 300
 _CLEAR_BALANCE = 0.25
 _BLOCK = 4096  # frames
-_JUMP_M = 0.25  # between two frames; a joint of a living body stays below
+_JUMP_M = 0.25  # between two frames; no joint of a person moves so far
 
 _Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Rig:
-    """The joints of a source, in its own unit and axes; plain tuples, so that files of one rig share what is found.
+    """The joints of a source, in its own unit and axes. Tuples, so that results are cached for all files of one rig.
 
     names, parents: J joints, parents before children, -1 for joint 0.
     offsets:   J heads in the parents' frames at rest.
-    end_sites: J places in the joints' own frames where a leaf ends; zeros where nothing says so.
-    placed:    J flags, True where the source gives the joint's place in every frame.
-    unit_m:    metres in one unit where the format tells it, None to find it from the stature.
-    up_axis:   "y" or "z" where the format tells it, None to find it from the pose.
-    maps:      the user's skeleton maps; the one that fits these joints has the last word.
+    end_sites: J ends of leaves in the joints' own frames; zeros where the source has none.
+    placed:    J flags, True if the source gives the joint's place in every frame.
+    unit_m:    metres in one unit if the format states it, None to find it from the stature.
+    up_axis:   "y" or "z" if the format states it, None to find it from the pose.
+    maps:      the user's skeleton maps; the one that matches these joints overrides what is found.
     """
 
     names: tuple[str, ...]
@@ -57,7 +58,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Poses:
-    """What T frames say, in the rig's unit and axes.
+    """T poses of a rig, in its unit and axes.
 
     local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32. root: (T, 3) joint 0 in the world.
     moving: joints below joint 0 whose place in the parent's frame varies; tracks: (T, K, 3) of them.
@@ -72,11 +73,11 @@ class Poses:
 
 @dataclass(frozen=True)
 class Body:
-    """What a rig tells of the figure, in the source's unit and axes.
+    """The body found on a rig, in the source's unit and axes.
 
     offsets: (J, 3) heads in the parents' frames, joint 0 zeros; rest: (J, 3) joints at zero rotations.
-    told: (J,) bool, False where a tail is only a guess, since neither a child nor an End Site tells it.
-    mapped: True where the user's skeleton map told the parts.
+    told: (J,) bool, False if a tail is a guess, since the joint has neither a child nor an End Site.
+    mapped: True if the parts come from a skeleton map of the user's.
     """
 
     names: tuple[str, ...]
@@ -95,7 +96,7 @@ class Body:
 
 @lru_cache(maxsize=64)
 def body_of(rig: Rig) -> Body:
-    """The figure that a rig is of. Raises InputError where it is no humanoid's, or a skeleton map does not fit."""
+    """The body of a rig. Raises InputError if it is not a humanoid, or a skeleton map does not match it."""
     given = choose_map(rig.maps, rig.names)
     parents = np.array(rig.parents, np.int32)
     offsets = np.array(rig.offsets, np.float64)
@@ -105,7 +106,7 @@ def body_of(rig: Rig) -> Body:
     else:
         parts = find_body_parts(rig.names, parents, offsets, np.linalg.norm(end_sites, axis=1))
     offsets[0] = 0.0
-    # What lies above the pelvis places the figure in the world and is no part of the figure.
+    # The pelvis and the joints above it place the body in the world; their positions are not part of the skeleton.
     for joint in (parts.pelvis, *ancestors(parents, parts.pelvis)):
         if rig.placed[joint]:
             offsets[joint] = 0.0
@@ -143,21 +144,21 @@ def motion_of_poses(
     rest_frame: int | None = None,
     trim_first: str | int = 0,
 ) -> tuple[Skeleton, Motion, list[str]]:
-    """The skeleton and the motion of a figure, Y up, metres.
+    """The skeleton and the motion of a body, Y up, metres.
 
     Args:
         header: kept in the skeleton, for writing the file back.
-        up_axis: the source's where the body does not say it, None to find it from the pose.
-        rest_frame: a frame in which the figure stands upright, to find up axis and sides by.
+        up_axis: the source's, used if `body` has none; None to find it from the pose.
+        rest_frame: a frame in which the body stands upright, from which up axis and sides are found.
         trim_first: frames to drop at the start, or "auto": those of a calibration pose far from what follows.
-    Returns: skeleton, motion (global float32 rotations), notes on what was found odd, one sentence each.
-    Raises: InputError where an argument is out of range.
+    Returns: skeleton, motion (global float32 rotations), notes on the source's oddities, one sentence each.
+    Raises: InputError if an argument is out of range.
     """
     notes: list[str] = []
     frames = len(poses.local)
     if rest_frame is not None and not 0 <= rest_frame < frames:
         raise InputError(f"Rest frame {rest_frame} is outside of its frames 0 to {frames - 1}.")
-    # Short clips are chained once; of long ones a block at a time, which is all the room that their chains take.
+    # Global rotations of a short clip are computed once; those of a long one in blocks, which limits the memory.
     whole = _chain(poses.local, body.parents) if frames <= _BLOCK else None
 
     def rotations_at(index: np.ndarray) -> np.ndarray:
@@ -177,15 +178,15 @@ def motion_of_poses(
     doubtful = not parts.sided or (has_a_tail(body.names) and not body.mapped)
     if doubtful and stands_on_four_feet(world, body.rest, parts):
         raise InputError(
-            "The skeleton is no humanoid that can be recognised: it has four legs, its trunk lies across them.",
-            "If it is one, say which joints are its limbs with --skeleton-map.",
+            "The skeleton is no humanoid that can be recognised: it stands on four legs.",
+            "If it is a humanoid, name the joints of its limbs with --skeleton-map.",
         )
     if not parts.sided:
         parts, facing = find_sides(_body_poses(body, poses, rotations_at, rest_frame), parts)
-        doubt = "" if abs(facing.balance) > _CLEAR_BALANCE else ", which is hardly clear about them"
-        notes.append(f"Joint names tell no sides; left and right were found from the pose{doubt}.")
+        doubt = "" if abs(facing.balance) > _CLEAR_BALANCE else ", which leaves them uncertain"
+        notes.append(f"Joint names state no sides; left and right were found from the pose{doubt}.")
     if body.unit_note:
-        notes.append(f"No unit is certain: {body.unit_note}.")
+        notes.append(f"The unit is uncertain: {body.unit_note}.")
     skeleton = _skeleton(header, body, parts, up_axis)
     roots = poses.root * body.unit_m
     if turn is not None:
@@ -200,14 +201,14 @@ def motion_of_poses(
     )
     drop = _frames_to_trim(motion.frames, opening_world[:, skeleton.sampled], trim_first)
     if drop:
-        why = ": a calibration pose and what swings in from it" if str(trim_first) == "auto" else ""
+        why = ": a calibration pose and the motion that leads out of it" if str(trim_first) == "auto" else ""
         notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
         motion = motion.at(slice(drop, None))
     return skeleton, motion, notes
 
 
 def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whole: np.ndarray | None) -> np.ndarray:
-    """(T, J, 4) float32 global rotations, turned to Y up, sign-continuous; `whole` where they are chained already."""
+    """(T, J, 4) float32 global rotations, turned to Y up, sign-continuous; `whole`: they, if computed already."""
     out = np.empty(local.shape, np.float32)
     for start in range(0, len(local), _BLOCK):
         block = _chain(local[start : start + _BLOCK], parents) if whole is None else whole
@@ -223,7 +224,7 @@ def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whol
 def _body_poses(
     body: Body, poses: Poses, rotations_at: Callable[[np.ndarray], np.ndarray], rest_frame: int | None
 ) -> BodyPoses:
-    """Joints and bone ends in up to a few hundred frames, a fraction of a second apart, to find the sides by."""
+    """Joints and bone ends in up to a few hundred frames, a fraction of a second apart, to find left and right."""
     frames = len(poses.local)
     step = max(1, round(_SIDES_SPACING_S * poses.fps), -(-frames // _SIDES_FRAMES))
     # The first frame may be a calibration pose.
@@ -252,7 +253,7 @@ def _skeleton(header: str, body: Body, parts: BodyParts, up_axis: str) -> Skelet
 
 
 def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Global rotations (T, J, 4) float64 of local ones, one depth of the tree at a time."""
+    """Global rotations (T, J, 4) float64 of local ones, one level of the tree at a time."""
     parts = local.astype(np.float64, copy=False).transpose(2, 1, 0)
     out = parts.copy()
     for level in _levels(parents.tobytes()):
@@ -262,7 +263,7 @@ def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _levels(parents_bytes: bytes) -> list[np.ndarray]:
-    """Joints below joint 0 by their depth, parents before children."""
+    """Joints below joint 0, grouped by their depth, parents before children."""
     parents = np.frombuffer(parents_bytes, np.int32)
     depth = np.zeros(len(parents), int)
     for joint in range(1, len(parents)):
@@ -271,7 +272,7 @@ def _levels(parents_bytes: bytes) -> list[np.ndarray]:
 
 
 def places_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
-    """(T, J, 3) float64 joint heads in the world, metres, without loading torch as the floors above do."""
+    """(T, J, 3) float64 joint heads in the world, metres. NumPy, so that readers need not load torch."""
     return _world_positions(
         skeleton.offsets, motion.root_positions, motion.track_joints.tolist(), motion.tracks,
         motion.rotations.astype(np.float64), skeleton.parents,
@@ -308,12 +309,12 @@ def _world_positions(
 
 
 def _guide_frames(frames: int) -> np.ndarray:
-    """A few frames over the whole clip; not the first, which may be a calibration pose, if there are others."""
+    """A few frames over the whole clip, without frame 0 if there are others: it may be a calibration pose."""
     return np.unique(np.linspace(min(1, frames - 1), frames - 1, _GUIDE_FRAMES).astype(int))
 
 
 def _continuous(rotations: np.ndarray) -> np.ndarray:
-    """Flip signs so that each quaternion lies on the same half as the one before it in time."""
+    """Flip signs so that each quaternion has a dot product of 0 or more with the one before it in time."""
     parts = rotations.transpose(2, 1, 0)
     agree = (parts[..., 1:] * parts[..., :-1]).sum(axis=0)
     flips = np.where(agree < 0, -1.0, 1.0).cumprod(axis=1)
@@ -322,19 +323,19 @@ def _continuous(rotations: np.ndarray) -> np.ndarray:
 
 
 def _frames_to_trim(frames: int, opening: np.ndarray, trim_first: str | int) -> int:
-    """How many frames to drop; `opening` (F, J, 3) metres are the seen joints in the first frames."""
+    """How many frames to drop; `opening`: (F, J, 3) metres, the sampled joints in the first frames."""
     if str(trim_first) != "auto":
         try:
             count = int(trim_first)
         except ValueError:
-            raise InputError(f"Frames to trim must be a number or auto, not '{trim_first}'.") from None
+            raise InputError(f"The frames to trim must be a number or auto, not '{trim_first}'.") from None
         if not 0 <= count < frames:
             raise InputError(f"Cannot trim {count} of its {frames} frames.")
         return count
     steps = np.linalg.norm(np.diff(opening, axis=0), axis=-1).max(axis=1)
     if len(steps) < 8 or steps[0] < _JUMP_M or steps[0] < 2 * steps[1:8].max():
         return 0
-    # A filter ran over such a jump in many recordings: limbs still swing in from it for a few frames.
+    # Many recordings were filtered over such a jump: for a few frames the limbs still move out of the pose.
     usual = float(np.median(steps[8:])) if len(steps) > 8 else 0.0
     count = 1
     while count < 8 and usual and steps[count] > 3 * usual and steps[count] > 0.02:

@@ -1,4 +1,4 @@
-"""glTF 2.0 files, GLB too: the parts that motion needs, every index and size checked before it is used."""
+"""Reading glTF 2.0 and GLB: the parts that motion needs, with every index and size checked before it is used."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _COMPONENTS = {
 
 @contextmanager
 def reading_gltf(name: str) -> Iterator[None]:
-    """Turn whatever a JSON of wrong types and missing keys raises into one InputError that names the file."""
+    """Turn the errors that wrong types and missing keys in the JSON raise into one InputError that names the file."""
     try:
         yield
     except InputError:
@@ -36,7 +36,7 @@ def reading_gltf(name: str) -> Iterator[None]:
 
 
 class Document:
-    """A glTF file: its JSON, and numbers out of its buffers.
+    """A glTF file: its JSON, and numbers read from its buffers.
 
     Use inside `reading_gltf`. Raises InputError naming the file.
     """
@@ -45,35 +45,35 @@ class Document:
         self.name = name
         text, self._binary = _container(data, name)
         if text.count(b"{") + text.count(b"[") + text.count(b'"') // 2 > _MOST_PARTS:
-            raise InputError(f"{name} has more parts than a scene of one figure has.")
+            raise InputError(f"{name} has more than {_MOST_PARTS} parts.", "Export the skeleton and its skin alone.")
         try:
             self.json: dict[str, Any] = json.loads(text)
         except (ValueError, RecursionError):
-            raise InputError(f"{name} holds no JSON that can be read.", "Is the file truncated?") from None
+            raise InputError(f"{name}: its JSON cannot be read.", "Is the file truncated?") from None
         if not isinstance(self.json, dict) or not str(self.json["asset"]["version"]).startswith("2"):
             raise InputError(f"{name} is no glTF 2.0.", "Export it anew as glTF 2.0.")
         self._lists: dict[str, list[dict[str, Any]]] = {}
         self._buffers: dict[int, bytes] = {}
         self._numbers: dict[int, np.ndarray] = {}
-        self._budget = 8 * len(data) + (16 << 20)  # accessors may overlap: all of them together take no more
+        self._budget = 8 * len(data) + (16 << 20)  # bytes for all accessors together, since they may overlap
 
     def items(self, key: str) -> list[dict[str, Any]]:
         """One of the top-level lists, each entry a mapping."""
         if key not in self._lists:
             listed = self.json.get(key, [])
             if not isinstance(listed, list) or not all(isinstance(item, dict) for item in listed):
-                raise InputError(f"{self.name}: its {key} are no list of objects.")
+                raise InputError(f"{self.name}: its {key} must be a list of objects.")
             self._lists[key] = listed
         return self._lists[key]
 
     def index(self, value: Any, key: str) -> int:
-        """`value` as an index into a top-level list."""
+        """`value`, checked to be an index into a top-level list."""
         if type(value) is not int or not 0 <= value < len(self.items(key)):
-            raise InputError(f"{self.name} points at entry {str(value)[:20]} of its {key}, which is not there.")
+            raise InputError(f"{self.name} refers to entry {str(value)[:20]} of its {key}, which does not exist.")
         return value
 
     def numbers(self, accessor: Any) -> np.ndarray:
-        """(count, width) float64 values of an accessor; whole numbers that stand for fractions turned into them."""
+        """(count, width) float64 values of an accessor; normalised integers are converted to fractions."""
         index = self.index(accessor, "accessors")
         if index not in self._numbers:
             self._numbers[index] = self._read(self.items("accessors")[index], index)
@@ -89,13 +89,13 @@ class Document:
         stride = view.get("byteStride", row)
         start = accessor.get("byteOffset", 0)
         if any(type(value) is not int or value < 0 for value in (count, stride, start)) or stride < row or count < 1:
-            raise InputError(f"{where} has a count, stride or offset that cannot be.")
+            raise InputError(f"{where} has an impossible count, stride or offset.")
         content = self._view(view, where)
         if start + stride * (count - 1) + row > len(content):
             raise InputError(f"{where} reaches beyond its buffer.", "Is the file truncated?")
         self._budget -= 8 * width * count
         if self._budget < 0:
-            raise InputError(f"{self.name} asks for more numbers than it holds.")
+            raise InputError(f"{self.name}: its accessors hold more numbers than a file of its size.")
         values = np.ndarray((count, width), dtype, content, start, (stride, dtype.itemsize)).astype(np.float64)
         if accessor.get("normalized") and dtype.kind in "iu":
             values = np.maximum(values / np.iinfo(dtype).max, -1.0)
@@ -107,7 +107,7 @@ class Document:
         start, length = view.get("byteOffset", 0), view["byteLength"]
         buffer = self._buffer(self.index(view["buffer"], "buffers"))
         if type(start) is not int or type(length) is not int or start < 0 or length < 0:
-            raise InputError(f"{where} lies in a part of a buffer that cannot be.")
+            raise InputError(f"{where} has a buffer view with an impossible offset or length.")
         if start + length > len(buffer):
             raise InputError(f"{where} reaches beyond its buffer.", "Is the file truncated?")
         return memoryview(buffer)[start : start + length]
@@ -124,13 +124,13 @@ class Document:
                     raise InputError(f"{self.name}: buffer {index} is no base64.") from None
             else:
                 raise InputError(
-                    f"{self.name} keeps its numbers in another file.", "Export it as GLB, which holds them itself."
+                    f"{self.name} keeps its numbers in another file.", "Export it as GLB, which includes them."
                 )
         return self._buffers[index]
 
 
 def _container(data: bytes, name: str) -> tuple[bytes, bytes | None]:
-    """The JSON's bytes, and those of a GLB's binary part."""
+    """The bytes of the JSON, and of a GLB's binary part."""
     if not data.startswith(b"glTF"):
         return data.removeprefix(b"\xef\xbb\xbf"), None
     parts: dict[int, bytes] = {}

@@ -1,6 +1,7 @@
 """The animated skin of a glTF file as motion: one clip for each animation.
 
-Nodes above the skin place it in the world; still scales are folded into lengths, since bones here have none.
+Nodes above the skin place it in the world. A constant scale is multiplied into the lengths, since skeletons here have
+no scales.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _SCALE_SLACK = 2e-3
 _STILL = 1e-4  # of the figure's size
 _SPARSE_FPS, _USUAL_FPS, _MOST_FPS = 10.0, 30.0, 240.0
 _LONGEST_S = 36_000.0
-_DEEPEST = 1000  # nodes above one another
+_DEEPEST = 1000  # most ancestors of a node
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class _Node:
 
 @dataclass(frozen=True)
 class _Skin:
-    """Joints (nodes' indices, parents first), their parents among themselves, and what stands above the first.
+    """joints: nodes' indices, parents first. parents: indices into `joints`.
 
-    above: rotation xyzw, scale and translation that place joint 0 in the world.
+    above: rotation xyzw, scale and translation of the nodes above joint 0, which place it in the world.
     """
 
     joints: list[int]
@@ -52,7 +53,7 @@ class _Skin:
 
 
 def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
-    """The clips of a file, one for each animation of its skin. Raises InputError naming it."""
+    """The clips of a file, one for each animation of its skin. Raises InputError naming the file."""
     with reading_gltf(name):
         document = Document(data, name)
         nodes = _Nodes(document)
@@ -80,7 +81,7 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
 
 
 class _Nodes:
-    """The scene's nodes, each read when it is asked for: most scenes hold many that are no joints."""
+    """The scene's nodes, each read on first access: most scenes hold many nodes that are not joints."""
 
     def __init__(self, document: Document):
         self._document = document
@@ -119,7 +120,7 @@ def _node(document: Document, node: dict[str, Any], index: int, parent: int) -> 
     rotation = _floats(node.get("rotation", [0, 0, 0, 1]), 4, where)
     size = float(np.linalg.norm(rotation))
     if size < 0.1:
-        raise InputError(f"{where} has a rotation of no length.")
+        raise InputError(f"{where} has a rotation of zero length.")
     translation = _floats(node.get("translation", [0, 0, 0]), 3, where)
     return _Node(name, parent, translation, rotation / size, _floats(node.get("scale", [1, 1, 1]), 3, where))
 
@@ -132,7 +133,7 @@ def _floats(values: Any, count: int, where: str) -> np.ndarray:
 
 
 def _tracks(document: Document, animation: dict[str, Any]) -> dict[tuple[int, str], Track]:
-    """The animation's curves by node and path; those of other paths (morph weights) are left out."""
+    """The animation's curves by node and path; curves of other paths (morph weights) are left out."""
     samplers, found = animation["samplers"], {}
     for channel in animation["channels"]:
         target = channel["target"]
@@ -153,7 +154,7 @@ def _tracks(document: Document, animation: dict[str, Any]) -> dict[tuple[int, st
 
 
 def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str]) -> _Skin:
-    """The skin with the most joints, with the nodes between them, and those above it that move."""
+    """The skin with the most joints, with the nodes between its joints, and the nodes above it that are animated."""
     skins = [[document.index(j, "nodes") for j in skin["joints"]] for skin in document.items("skins")]
     if not skins or not max(skins, key=len):
         raise InputError(
@@ -162,7 +163,7 @@ def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str
     chosen = max(skins, key=len)
     others = {joint for skin in skins for joint in skin} - set(chosen)
     if len(others) + len(chosen) > MAX_JOINTS:
-        raise InputError(f"{document.name} has {len(others) + len(chosen)} joints, and {MAX_JOINTS} are the most.")
+        raise InputError(f"{document.name} has {len(others) + len(chosen)} joints; pumps reads at most {MAX_JOINTS}.")
     lines = {joint: _upwards(nodes, joint, document.name) for joint in {*chosen, *others}}
     root = lines[chosen[0]][-1]
     shared = {joint for joint in others if lines[joint][-1] == root}  # other meshes of the same figure
@@ -173,7 +174,9 @@ def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str
     for joint in inside:
         common &= set(lines[joint])
     if not common:
-        raise InputError(f"{document.name}: its skin hangs together by no node.", "Join its roots under one.")
+        raise InputError(
+            f"{document.name}: the joints of its skin have no common ancestor.", "Put its root nodes under one node."
+        )
     top = next(node for node in lines[chosen[0]] if node in common)
     above = _upwards(nodes, top, document.name)
     top = next((node for node in reversed(above) if node in animated), top)
@@ -195,12 +198,12 @@ def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str
 
 
 def _upwards(nodes: _Nodes, node: int, name: str) -> list[int]:
-    """A node, its parent, and so on up."""
+    """A node and its ancestors, from the node up to the scene's root."""
     line = [node]
     while nodes[line[-1]].parent >= 0:
         line.append(nodes[line[-1]].parent)
         if len(line) > _DEEPEST:
-            raise InputError(f"{name}: its nodes go round in a ring, or are nested too deep.")
+            raise InputError(f"{name}: its nodes form a cycle, or are nested deeper than {_DEEPEST}.")
     return line
 
 
@@ -214,7 +217,7 @@ def _placement(document: Document, nodes: _Nodes, above: list[int]) -> tuple[np.
 
 
 def _even_scale(scales: np.ndarray, where: str) -> float:
-    """The one scale that all of (T, 3) are. Raises InputError where they differ."""
+    """The scale that all values of (T, 3) equal. Raises InputError if they differ."""
     mean = float(scales.mean())
     if mean <= 1e-9 or np.abs(scales - mean).max() > _SCALE_SLACK * mean:
         raise InputError(f"{where} is scaled unevenly or changes its scale.", "Apply its scale before exporting.")
@@ -264,7 +267,7 @@ def _figure(
 
 
 def _times(document: Document, tracks: list[Track], most: int) -> tuple[np.ndarray, float]:
-    """Seconds of the frames, and their rate: that of the densest curve, or 30 where all are sparse keys."""
+    """Times of the frames in seconds, and their rate: that of the densest curve, or 30 if all curves are sparse."""
     for track in tracks:
         track.check()
     first = min(float(track.times[0]) for track in tracks)
@@ -275,7 +278,7 @@ def _times(document: Document, tracks: list[Track], most: int) -> tuple[np.ndarr
         rate = _USUAL_FPS
     if last - first > _LONGEST_S or (last - first) * rate + 1 > most:
         raise InputError(
-            f"{document.name} has an animation of {last - first:.0f} s, more than so small a file tells."
+            f"{document.name} has an animation of {last - first:.0f} s, which is too long for a file of its size."
         )
     count = round((last - first) * rate) + 1
     return np.minimum(first + np.arange(count) / rate, last), rate

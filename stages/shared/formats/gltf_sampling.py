@@ -1,4 +1,4 @@
-"""The curves of glTF animations at any times: LINEAR, STEP and CUBICSPLINE, as its specification has them."""
+"""Sampling the curves of glTF animations at any times: LINEAR, STEP and CUBICSPLINE, by glTF's specification."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _HAIR_S = 1e-4
 
 @dataclass(frozen=True)
 class Track:
-    """One curve. times: (K,) seconds going up; values: (K, width), or (3 K, width) for CUBICSPLINE.
+    """One curve. times: (K,) seconds, ascending; values: (K, width), or (3 K, width) for CUBICSPLINE.
 
-    width: 3 for places and scales, 4 for rotations xyzw. where: what errors call it.
+    width: 3 for translations and scales, 4 for rotations xyzw. where: the curve's name in error messages.
     """
 
     times: np.ndarray
@@ -25,25 +25,25 @@ class Track:
     where: str
 
     def check(self) -> None:
-        """Raises InputError where times and values do not make a curve."""
+        """Raises InputError if times and values do not form a curve."""
         per_key = 3 if self.kind == "CUBICSPLINE" else 1
         if self.kind not in ("LINEAR", "STEP", "CUBICSPLINE"):
-            raise InputError(f"{self.where} is interpolated by {self.kind[:40]}, which glTF does not know.")
+            raise InputError(f"{self.where} has the interpolation {self.kind[:40]}, which glTF does not define.")
         if self.values.shape != (per_key * len(self.times), self.width):
-            raise InputError(f"{self.where} has {len(self.times)} times and values of the shape {self.values.shape}.")
+            raise InputError(f"{self.where} has {len(self.times)} times but values of the shape {self.values.shape}.")
         if (np.diff(self.times) < 0).any():
-            raise InputError(f"{self.where} has times that do not go up.")
+            raise InputError(f"{self.where} has times that do not increase.")
         if self.width == 4 and (np.linalg.norm(self._keys(), axis=1) < 0.1).any():
-            raise InputError(f"{self.where} has a quaternion of no length.")
+            raise InputError(f"{self.where} has a quaternion of zero length.")
 
     def _keys(self) -> np.ndarray:
         return self.values[1::3] if self.kind == "CUBICSPLINE" else self.values
 
 
 def sampled(track: Track, times: np.ndarray) -> np.ndarray:
-    """(T, width) values at `times`; before the first key and after the last the curve stands still."""
+    """(T, width) values at `times`; constant before the first key and after the last."""
     keys = track._keys()
-    # A file's times are rounded: a step that is a hair ahead has been taken.
+    # Times in files are rounded: a step that lies less than `_HAIR_S` ahead counts as reached.
     after = np.searchsorted(track.times, times + (_HAIR_S if track.kind == "STEP" else 0.0), side="right")
     left = np.clip(after - 1, 0, len(keys) - 1)
     right = np.clip(after, 0, len(keys) - 1)
@@ -70,7 +70,7 @@ def sampled(track: Track, times: np.ndarray) -> np.ndarray:
 
 
 def _slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Between quaternions (T, 4), the short way; `share` (T, 1)."""
+    """Spherical interpolation between quaternions (T, 4) along the shorter arc; `share` (T, 1)."""
     first = first / np.linalg.norm(first, axis=1, keepdims=True)
     second = second / np.linalg.norm(second, axis=1, keepdims=True)
     cosine = (first * second).sum(axis=1, keepdims=True)

@@ -1,6 +1,6 @@
 """Writing GLB: a skeleton of nodes with an animated skin of bones, for Blender, three.js, game engines.
 
-Metres, Y up, quaternions xyzw, linear samplers, one buffer. Every joint carries a little octahedron of its own in the
+Metres, Y up, quaternions xyzw, linear samplers, one buffer. Every joint has a small octahedron of its own in the
 skinned mesh, since importers drop joints that no vertex uses.
 """
 
@@ -19,8 +19,8 @@ from stages.shared.formats.figure import local_rotations_of
 from stages.shared.humanoid.reference_pose import turn_to_y_up
 
 _LEAST_BONE_M = 0.01
-_WAIST = 0.1  # where along its bone an octahedron is widest, and how wide, as a share of its length
-# Colours of the body groups, and of what is outside of the body; linear RGB.
+_WAIST = 0.1  # of a bone's length: where its octahedron is widest, and how wide
+# Colours of the body groups, and of joints outside the body; linear RGB.
 _COLOURS = {
     0: (0.55, 0.55, 0.58), 1: (0.10, 0.45, 0.20), 2: (0.62, 0.12, 0.10), 3: (0.10, 0.35, 0.62), 4: (0.75, 0.45, 0.05),
     NO_GROUP: (0.25, 0.25, 0.25),
@@ -33,10 +33,10 @@ def glb_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, bind: str = 
 
     Args:
         name: of the animation.
-        bind: pose in which the skin is bound and that stands while nothing plays: "rest" for zero rotations, "first"
-            for the first frame, where a rig's zero pose is no human pose.
-        licence: kept as the asset's copyright.
-    Raises: PumpsError where a number to write is not finite.
+        bind: pose in which the skin is bound, shown while no animation plays: "rest" for zero rotations, "first" for
+            the first frame (for a rig whose zero pose is not a human pose).
+        licence: written as the asset's copyright.
+    Raises: PumpsError if a number to write is not finite.
     """
     local = local_rotations_of(skeleton, motion)
     heads = np.tile(skeleton.offsets, (motion.frames, 1, 1))
@@ -65,8 +65,10 @@ def glb_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, bind: str = 
 
 
 def _upright(skeleton: Skeleton) -> np.ndarray:
-    """The turn of joint 0, (4,), in which the figure at rest stands on the floor: its file's up axis is that of the
-    motion, which the rest pose need not share."""
+    """The rotation (4,) of joint 0 in which the rest pose stands upright.
+
+    The source's up axis is that of the motion; the rest pose may have another one.
+    """
     still = np.array((0.0, 0.0, 0.0, 1.0))
     turn = turn_to_y_up(skeleton.up_axis)
     if turn is None:
@@ -83,7 +85,7 @@ def _node(name: str, place: np.ndarray, turn: np.ndarray) -> gltf.Node:
 
 
 def _world(parents: np.ndarray, places: np.ndarray, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Global rotations (J, 4) and places (J, 3) of local ones."""
+    """Global rotations (J, 4) and places (J, 3) from local ones."""
     out_turns, out_places = turns.copy(), places.copy()
     for joint in range(1, len(parents)):
         above = parents[joint]
@@ -94,7 +96,7 @@ def _world(parents: np.ndarray, places: np.ndarray, turns: np.ndarray) -> tuple[
 
 @dataclass
 class _Document:
-    """A glTF document and the one buffer behind it."""
+    """A glTF document and its one buffer."""
 
     out: gltf.GLTF2 = field(default_factory=lambda: gltf.GLTF2())
     buffer: bytearray = field(default_factory=bytearray)
@@ -102,7 +104,7 @@ class _Document:
     def add(
         self, values: np.ndarray, target: int | None = None, *, bounds: bool = False, normal: bool = False
     ) -> int:
-        """An accessor of an array (N,) or (N, width) of float32 or unsigned integers; its index."""
+        """Add an accessor of an array (N,) or (N, width) of float32 or unsigned integers; returns its index."""
         kinds = {"f": gltf.FLOAT, "u1": gltf.UNSIGNED_BYTE, "u2": gltf.UNSIGNED_SHORT, "u4": gltf.UNSIGNED_INT}
         component = kinds["f" if values.dtype.kind == "f" else values.dtype.str[1:]]
         self.buffer += b"\0" * (-len(self.buffer) % 4)
@@ -124,7 +126,7 @@ class _Document:
     def add_skin(self, skeleton: Skeleton, turns: np.ndarray, places: np.ndarray) -> None:
         inverse = turns * (-1.0, -1.0, -1.0, 1.0)
         matrices = np.zeros((skeleton.joints, 4, 4))
-        for row in range(3):  # columns of the inverse rotation, column-major as glTF has it
+        for row in range(3):  # columns of the inverse rotation; glTF's matrices are column-major
             axis = np.tile(np.eye(3)[row], (skeleton.joints, 1))
             matrices[:, row, :3] = euler.rotate(inverse, axis)
         matrices[:, 3, :3] = -euler.rotate(inverse, places)
@@ -191,7 +193,7 @@ class _Document:
 def _octahedra(tails: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(J, 24, 3) corners of the eight faces of every bone's octahedron, in the joint's own frame, and their normals.
 
-    Bones without length get a small one along their own Y.
+    A bone without length gets a small octahedron along its own Y.
     """
     lengths = np.linalg.norm(tails, axis=1)
     ends = np.where(lengths[:, None] < _LEAST_BONE_M, (0.0, _LEAST_BONE_M, 0.0), tails)

@@ -1,15 +1,15 @@
-"""Any motion to the angles of hinges that come nearest to it.
+"""Fitting the angles of hinges to any motion.
 
-A motion that was found on freely turning joints (retargeted, filled in) seldom is one that hinges can do. Every hinge
-first takes the part of its joint's turn that lies about its axis. In frames where that leaves nothing over these are
-the angles. In the others all angles of all frames are moved together, until joints are as near to their places and
-bones to their directions as a motion without jumps brings them:
+A motion of freely turning joints (retargeted, filled in) can seldom be reproduced exactly by hinges. Each hinge first
+takes the part of its joint's rotation that is about its axis. In frames without a remaining rotation these are the
+angles. In all other frames the angles are optimised together, to bring joints near to their places and bones near to
+their directions without jumps in time:
 
     sum over frames of |places - wanted|^2 + |w (directions - wanted)|^2  +  mu sum of |angles(t + 1) - angles(t)|^2
 
-by damped least squares (Levenberg-Marquardt), whose equations are a band, since only neighbours in time meet. A
-motion far from the hinges is begun at zero angles and a mu so large that it hardly moves, which then becomes smaller:
-so that no frame falls into another one of the shoulders' ways to the same pose than its neighbours.
+by damped least squares (Levenberg-Marquardt). The equations are banded, since only neighbouring frames are coupled. A
+motion far from the hinges' starts at zero angles with a mu so large that the angles hardly change over time; mu is
+then reduced, so that all frames use the same one of a shoulder's several solutions for a pose.
 """
 
 from __future__ import annotations
@@ -21,15 +21,18 @@ import numpy as np
 from stages.shared.formats import euler
 from stages.shared.formats.hinges import Hinges, turned_about
 
-LEFT_OVER_RAD = 2e-3  # a turn about other axes that is less is rounding
+LEFT_OVER_RAD = 2e-3  # a smaller rotation about other axes is a rounding error
 ROUNDS = 30
-_TURN_SHARE, _LEAST_TURN_M = 0.3, 0.005  # w: a radian of a bone's direction weighs as this share of its length
-_LEAF_WEIGHT = 2.0  # a hand's or foot's place weighs more than those between
+_TURN_SHARE, _LEAST_TURN_M = (
+    0.3,
+    0.005,
+)  # w: weight of a radian of a bone's direction, as a share of the bone's length
+_LEAF_WEIGHT = 2.0  # weight of a hand's or foot's place; other joints have 1
 _SMOOTH_M2 = (1.0, 0.1, 0.01, 1e-3)  # mu, at 30 frames a second: metres squared for a radian squared
 _NEAR_RAD = 0.35  # a motion whose joints' own turns leave less over is begun at them, with the last mu
 _FIRST_DAMPING = 1e-3
-_ENOUGH = 1e-3  # of the cost, gained in a round, is worth another one
-_RUN = 2000  # frames that are moved together
+_ENOUGH = 1e-3  # least relative gain of a round after which there is another one
+_RUN = 2000  # most frames that are optimised together
 _BLOCK = 256  # frames whose derivatives are held at once
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 
@@ -51,7 +54,7 @@ def fit_hinges(hinges: Hinges, rotations: np.ndarray, fps: float, *, limited: bo
     """The angles that bring hinges nearest to a motion of free joints.
 
     Args:
-        rotations: (T, J, 4) global rotations that are wanted, xyzw; joint 0's is taken as it is.
+        rotations: (T, J, 4) wanted global rotations, xyzw; joint 0's is used unchanged.
         limited: True to stay within the limits.
     """
     rotations = rotations.astype(np.float64)
@@ -79,7 +82,7 @@ def fit_hinges(hinges: Hinges, rotations: np.ndarray, fps: float, *, limited: bo
 
 
 def _runs(fitted: np.ndarray) -> list[tuple[int, int]]:
-    """Stretches (first, one after the last) of frames to fit, none longer than is solved at once."""
+    """Ranges (first, one after the last) of frames to fit, none longer than can be optimised together."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], fitted, [False]]).astype(int)))
     runs = []
     for first, last in edges.reshape(-1, 2).tolist():
@@ -117,7 +120,7 @@ def _own_turns(hinges: Hinges, rotations: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _unwound(hinges: Hinges, angles: np.ndarray) -> np.ndarray:
-    """Angles that have limits in the turn around the middle of them; those of wheels without jumps by whole turns."""
+    """Angles with limits, shifted by whole turns to the range around their middle; others without jumps in time."""
     bounded = np.isfinite(hinges.limits).all(axis=1)
     middle = hinges.limits[bounded].mean(axis=1)
     out = np.unwrap(angles, axis=0)
@@ -127,10 +130,10 @@ def _unwound(hinges: Hinges, angles: np.ndarray) -> np.ndarray:
 
 
 class _Run:
-    """Frames in a row to be fitted; the frames beside them stand fast.
+    """Consecutive frames to fit; the frames before and after them are fixed.
 
     Args:
-        angles: (T, M) of the whole motion, to begin with. frames: which of them are fitted.
+        angles: (T, M) initial angles of the whole motion. frames: the frames to fit.
     """
 
     def __init__(
@@ -154,7 +157,7 @@ class _Run:
         self.weights = np.maximum(hinges.lengths * _TURN_SHARE, _LEAST_TURN_M)
 
     def solved(self) -> np.ndarray:
-        """(F, M) the angles at the end of all rounds."""
+        """(F, M) the angles after all rounds."""
         damping = _FIRST_DAMPING
         cost = self._cost(self.angles)
         square, slope = self._equations()
@@ -175,7 +178,7 @@ class _Run:
         return self.angles
 
     def held(self) -> np.ndarray:
-        """(F, M) True where an angle is at its limit, though it would come nearer beyond it."""
+        """(F, M) True where an angle is at its limit and the optimum is beyond it."""
         _, slope = self._equations()
         return self._stuck(slope)
 
@@ -190,13 +193,13 @@ class _Run:
         return total
 
     def _changes(self, angles: np.ndarray) -> np.ndarray:
-        """Differences of neighbours in time, those that stand fast included."""
+        """Differences of neighbouring frames, including the fixed ones."""
         beside = [row[None] for row in (self.before,) if row is not None]
         after = [row[None] for row in (self.after,) if row is not None]
         return np.diff(np.concatenate([*beside, angles, *after]), axis=0)
 
     def _equations(self) -> tuple[np.ndarray, np.ndarray]:
-        """J^T J (F, M, M) of the poses' errors, and the way downhill (F, M) of the whole cost."""
+        """J^T J (F, M, M) of the poses' errors, and the negative gradient (F, M) of the whole cost."""
         frames, count = self.angles.shape
         square = np.empty((frames, count, count))
         slope = np.empty((frames, count))
@@ -217,7 +220,7 @@ class _Run:
         return square, slope
 
     def _step(self, square: np.ndarray, slope: np.ndarray, damping: float) -> np.ndarray:
-        """(F, M) the step of damped least squares, angles that press against a limit left alone."""
+        """(F, M) the step of damped least squares; angles held at a limit do not change."""
         frames, count = self.angles.shape
         free = ~self._stuck(slope)
         square = square * free[:, :, None] * free[:, None, :]
@@ -229,7 +232,7 @@ class _Run:
         return _solved_in_line(square, self.smooth * (free[1:] & free[:-1]), slope * free)
 
     def _errors(self, angles: np.ndarray, some: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What is missing (F, 6 J) of heads' places and of weighted directions, in metres; heads and rotations."""
+        """Errors (F, 6 J) of heads' places and of weighted directions, in metres; heads; rotations."""
         heads, made = self.hinges.poses(self.rotations[some, 0], angles[some])
         apart = euler.multiply(self.rotations[some], made * _CONJUGATE)
         directions = 2 * apart[..., :3] * np.where(apart[..., 3:] < 0, -1.0, 1.0) * self.weights[:, None]
@@ -238,7 +241,7 @@ class _Run:
         return errors.reshape(len(heads), -1), heads, made
 
     def _jacobian(self, heads: np.ndarray, made: np.ndarray) -> np.ndarray:
-        """(F, M, 6 J) how much of each error an angle takes away."""
+        """(F, M, 6 J) negative derivative of each error by each angle."""
         hinges = self.hinges
         frames, joints = heads.shape[:2]
         axes = euler.rotate(made, hinges.axes) * hinges.factors[:, None]
@@ -258,7 +261,7 @@ def _solved_in_line(square: np.ndarray, tied: np.ndarray, wanted: np.ndarray) ->
     Args:
         square: (F, M, M) positive definite. tied: (F - 1, M), of each frame and the next. wanted: (F, M).
     """
-    # SciPy's solver of bands is several times slower where its threads wait for cores that others use.
+    # SciPy's banded solver is several times slower when its threads wait for cores that other programs use.
     frames = len(square)
     inverse = np.empty_like(square)
     partial = wanted.copy()

@@ -1,4 +1,4 @@
-"""Joints that turn about one axis each, as a robot's: angles to poses."""
+"""Joints that turn about one axis each, such as a robot's: from angles to poses."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Hinges:
 
     parents:   (J,) int, parents before children, -1 for joint 0, which is placed and turned freely.
     offsets:   (J, 3) heads in the parents' frames.
-    at_zero:   (J, 4) a joint's rotation in its parent's frame where its angle is zero.
-    axes:      (J, 3) of length 1 in the joint's own frame, zeros where it does not turn.
-    columns:   (J,) int, which angle turns it, -1 for none: it turns by factors * angle + shifts.
-    leads:     (J,) bool, True for the one joint that has its angle for itself; the others of the angle follow it.
-    limits:    (M, 2) lowest and highest angle, infinite where there is none.
+    at_zero:   (J, 4) a joint's rotation in its parent's frame at angle zero.
+    axes:      (J, 3) of length 1 in the joint's own frame, zeros if it does not turn.
+    columns:   (J,) int, index of its angle, -1 for none: it turns by factors * angle + shifts.
+    leads:     (J,) bool, True for the joint that owns its angle; other joints with the same angle mimic it.
+    limits:    (M, 2) lowest and highest angle, infinite if there is no limit.
     """
 
     parents: np.ndarray
@@ -35,12 +35,12 @@ class Hinges:
 
     @cached_property
     def leaves(self) -> np.ndarray:
-        """(J,) bool, True for joints on which nothing hangs: hands, feet, head."""
+        """(J,) bool, True for joints without children: hands, feet, head."""
         return ~np.isin(np.arange(len(self.parents)), self.parents)
 
     @cached_property
     def lengths(self) -> np.ndarray:
-        """(J,) metres from each joint to the farthest joint that hangs on it; 0.1 for leaves."""
+        """(J,) metres from each joint to the farthest joint below it; 0.1 for leaves."""
         out = np.zeros(len(self.parents))
         np.maximum.at(out, self.parents[1:], np.linalg.norm(self.offsets[1:], axis=1))
         out[self.leaves] = 0.1
@@ -48,7 +48,7 @@ class Hinges:
 
     @cached_property
     def reaches(self) -> np.ndarray:
-        """(J, J) bool, [i, k] True where joint k is i or hangs on it."""
+        """(J, J) bool, [i, k] True if joint k is i or below it."""
         out = np.eye(len(self.parents), dtype=bool)
         for joint, parent in enumerate(self.parents.tolist()):
             if parent >= 0:

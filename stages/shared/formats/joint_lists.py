@@ -1,6 +1,6 @@
-"""Lists of joints that positions are commonly given by, in the order in which they come, each with a rest direction.
+"""Common joint lists of position data, in the order of the data, each joint with its direction at rest.
 
-Directions are those of a T-pose, Y up, X to the left, facing Z; only their directions count, lengths are measured.
+Directions are those of a T-pose, Y up, X to the left, facing Z. Their lengths are not used: bones are measured.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _of_smpl(layout: str) -> JointList:
     )
 
 
-# What --skeleton may name: 22 and 24 joints of SMPL (HumanML3D gives 22), Human3.6M's 17, Kinect's 25.
+# The names that --skeleton accepts: SMPL with 22 (HumanML3D) or 24 joints, Human3.6M's 17, Kinect's 25.
 LISTS = {
     "smpl22": partial(_of_smpl, "body"), "smpl24": partial(_of_smpl, "smpl"), "smplh52": partial(_of_smpl, "smplh"),
     "h36m17": lambda: _H36M17, "kinect25": lambda: _KINECT25,

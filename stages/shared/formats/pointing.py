@@ -1,8 +1,8 @@
-"""Rotations out of joint positions: each joint turns so that its rest bones point where the measured ones do.
+"""Rotations from joint positions: each joint turns so that its rest bones point in the measured directions.
 
-One child tells a direction only: the joint takes the least turn from its parent's rotation that brings the bone
-there, so that there is no twist that nothing asked for. Two and more children tell the whole rotation (Wahba's
-problem, solved by the singular value decomposition of Markley 1988). Leaves turn with their parents.
+One child determines only a direction: the joint takes the smallest rotation from its parent's that points the bone
+there, which adds no twist. Two or more children determine the whole rotation (Wahba's problem, solved by the singular
+value decomposition of Markley 1988). Leaves take their parents' rotations.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from stages.shared.formats import euler
 
 _SAME = 1e-9
-_PRIOR = 1e-5  # how much the parent's rotation counts beside the bones, where they leave something open
-_THROUGH = 0.1  # how much a bone counts that runs through joints which nothing measures
+_PRIOR = 1e-5  # weight of the parent's rotation beside the bones, for what they leave undetermined
+_THROUGH = 0.1  # factor on the weight of a bone that runs through joints without measurements
 _BLOCK = 4096
 
 
@@ -27,8 +27,8 @@ def pointed_rotations(
 
     Args:
         rest: (J, 3) heads in the parents' frames, parents before children, joint 0 first.
-        positions: (T, J, 3) in the world; rows of joints that are not `measured` (J,) bool mean nothing, and their
-            joints are stiff.
+        positions: (T, J, 3) in the world; those of joints that are not measured are ignored.
+        measured: (J,) bool; a joint that is not measured keeps its parent's rotation.
     """
     out = np.empty((len(positions), len(parents), 4), np.float32)
     for start in range(0, len(positions), _BLOCK):  # the decomposition needs several arrays of matrices
@@ -55,7 +55,7 @@ def _pointed(rest: np.ndarray, parents: Sequence[int], positions: np.ndarray, me
 def _seen_bones(
     joint: int, rest: np.ndarray, children: list[list[int]], measured: np.ndarray
 ) -> list[tuple[int, np.ndarray, float]]:
-    """The nearest measured joints below one, with their places in its frame at rest and how much each counts."""
+    """The nearest measured joints below a joint, each with its place in the joint's frame at rest and its weight."""
     found = []
     waiting = [(child, rest[child], True) for child in children[joint]]
     while waiting:
@@ -71,7 +71,7 @@ def _seen_bones(
 def _turned(
     bones: list[tuple[int, np.ndarray, float]], above: np.ndarray, positions: np.ndarray, joint: int
 ) -> np.ndarray:
-    """(T, 4) global rotation of a joint that points its bones, as near as can be to `above`, its parent's."""
+    """(T, 4) global rotation of a joint that points its bones, as near as possible to `above`, its parent's."""
     if not bones:
         return above
     aims = np.stack([positions[:, child] - positions[:, joint] for child, *_ in bones], axis=1)
@@ -91,7 +91,7 @@ def _turned(
 
 
 def _least_turn(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(T, 4) the shortest turns from unit vectors (T, 3) to others; no turn where a target has no length."""
+    """(T, 4) smallest rotations from unit vectors (T, 3) to others; no rotation where a target has no length."""
     cross = np.cross(source, target)
     half = 1.0 + (source * target).sum(axis=1)
     quaternions = np.concatenate([cross, half[:, None]], axis=1)

@@ -1,7 +1,7 @@
 """Joint positions (.npy, .npz, CSV) as motion, by inverse kinematics (`stages.shared.formats.pointing`).
 
 Names and parents come from the file, a JSON beside it ({"names": [...], "parents": [...], "fps": 60}), a rig in BVH,
-or a list that is known by name. The skeleton's directions are the rig's or the list's, its lengths the measured ones.
+or a list of `stages.shared.formats.joint_lists`. The rig or list gives the bones' directions; lengths are measured.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MOST_MISSING = 0.5
 
 @dataclass(frozen=True)
 class Measured:
-    """places: (T, J, 3), NaN where nothing was seen; names, parents: J or none; fps: None if not told."""
+    """places: (T, J, 3), NaN where missing. names, parents: J of them, or empty. fps: None if not stated."""
 
     places: np.ndarray
     names: tuple[str, ...] = ()
@@ -41,7 +41,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class _Frame:
-    """The joints to point. rest: (J, 3) in the parents' frames; column: (J,) of what measures them, or -1."""
+    """The joints to point. rest: (J, 3) in the parents' frames. column: (J,) index of the measured joint, or -1."""
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
@@ -51,7 +51,7 @@ class _Frame:
 
 
 def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
-    """The one clip of a file of positions. Raises InputError naming it, and the joint."""
+    """The clip of a file of positions. Raises InputError naming file and joint."""
     measured = _read_measured(data, name)
     measured, frame = _with_joints(measured, name, asked)
     notes: list[str] = []
@@ -60,7 +60,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     fps = asked.fps_override or measured.fps
     if fps is None:
         fps = USUAL_FPS
-        notes.append(f"It tells no frame rate; taken as {USUAL_FPS:g} frames a second.")
+        notes.append(f"It states no frame rate; {USUAL_FPS:g} frames a second are assumed.")
     offsets = _measured_lengths(frame, places)
     seen = frame.column >= 0
     ends = frame.ends if len(frame.ends) else np.zeros_like(offsets)
@@ -86,7 +86,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     return [replace(recording, repaired_frames=int(holes.sum()))]
 
 
-# --- what the file holds ------------------------------------------------------------------------
+# --- the file's content -------------------------------------------------------------------------
 
 
 def _read_measured(data: bytes, name: str) -> Measured:
@@ -114,7 +114,7 @@ def _of_npz(data: bytes, name: str) -> Measured:
         if each in arrays and arrays[each].size == 1 and arrays[each].dtype.kind in "iuf":
             fps = _sensible_rate(float(arrays[each].reshape(-1)[0]), name)
     if names.dtype.kind not in "SU" or parents.dtype.kind not in "iu":
-        raise InputError(f"{name}: its names are no text, or its parents no numbers.")
+        raise InputError(f"{name}: its names must be text, and its parents whole numbers.")
     texts = [
         text.decode("utf-8", errors="replace") if isinstance(text, bytes) else str(text) for text in names.ravel()
     ]
@@ -158,7 +158,7 @@ def _with_joints(measured: Measured, name: str, asked: Asked) -> tuple[Measured,
         return measured, _on_list(measured, name, listed)
     if not measured.names or not measured.parents:
         raise InputError(
-            f"{name} tells no joints' names and parents.",
+            f"{name} states no joint names and parents.",
             f"Give --skeleton a rig (BVH) or one of {', '.join(LISTS)}, or put a JSON beside it (docs/formats.md).",
         )
     return measured, _on_own(measured, name)
@@ -172,7 +172,7 @@ def _with_sidecar(measured: Measured, asked: Asked) -> Measured:
         fps = measured.fps if raw.get("fps") is None else float(raw["fps"])  # type: ignore[index, union-attr]
     except (ValueError, TypeError, AttributeError, RecursionError, OverflowError):
         raise InputError(
-            f"{asked.rig_name} tells no skeleton.", 'It holds {"names": [...], "parents": [...], "fps": 60}.'
+            f"{asked.rig_name} states no skeleton.", 'It must hold {"names": [...], "parents": [...], "fps": 60}.'
         ) from None
     return Measured(measured.places, names, parents, None if fps is None else _sensible_rate(fps, asked.rig_name))
 
@@ -182,7 +182,7 @@ def _plain(name: str) -> str:
 
 
 def _list_of(names: Sequence[str]) -> str | None:
-    """The known list whose joints these are, by their names."""
+    """The list of `joint_lists` that has these joints, by their names."""
     given = {_plain(name) for name in names}
     for title, joints in LISTS.items():
         if given and given == {_plain(name) for name, *_ in joints()}:
@@ -208,14 +208,14 @@ def _on_rig(measured: Measured, name: str, asked: Asked) -> _Frame:
 
 
 def _on_own(measured: Measured, name: str) -> _Frame:
-    """Names and parents alone: the first whole frame is the pose at rest."""
+    """Joints from names and parents alone: the first frame with all joints is the pose at rest."""
     count = measured.places.shape[1]
     if len(measured.names) != count or len(measured.parents) != count:
         raise InputError(
             f"{name} has {count} joints, {len(measured.names)} names and {len(measured.parents)} parents."
         )
     if any(not -1 <= parent < count for parent in measured.parents):
-        raise InputError(f"{name}: a parent is none of its {count} joints.", "The root's parent is -1.")
+        raise InputError(f"{name}: a parent is not one of its {count} joints.", "The root's parent is -1.")
     whole = np.isfinite(measured.places).all(axis=(1, 2))
     pose = measured.places[int(whole.argmax())]
     rest = pose - pose[list(measured.parents)]
@@ -223,20 +223,20 @@ def _on_own(measured: Measured, name: str) -> _Frame:
 
 
 def _columns(names: Sequence[str], measured: Measured, name: str, where: str) -> np.ndarray:
-    """For each joint of a skeleton the column that measures it, -1 for none."""
+    """For each joint of a skeleton the index of its measured joint; -1 for none."""
     count = measured.places.shape[1]
     if not measured.names:
         if count != len(names):
-            raise InputError(f"{name} has {count} joints without names, and {where} has {len(names)}.")
+            raise InputError(f"{name} has {count} joints without names, but {where} has {len(names)}.")
         return np.arange(count)
     if len(measured.names) != count:
-        raise InputError(f"{name} has {count} joints and {len(measured.names)} names.")
+        raise InputError(f"{name} has {count} joints but {len(measured.names)} names.")
     places = {_plain(joint): index for index, joint in enumerate(names)}
     columns = np.full(len(names), -1)
     for column, joint in enumerate(measured.names):
         if _plain(joint) not in places:
             raise InputError(
-                f"{name}: {where} has no joint '{joint[:60]}'.", "Name its columns as the skeleton does."
+                f"{name}: {where} has no joint '{joint[:60]}'.", "Give its columns the skeleton's joint names."
             )
         columns[places[_plain(joint)]] = column
     return columns
@@ -250,7 +250,7 @@ def _ordered(
     name: str,
     ends: np.ndarray | None = None,
 ) -> _Frame:
-    """Parents first; joints above the topmost one that is measured left out."""
+    """The joints, parents first, without those above the topmost measured joint."""
     children: dict[int, list[int]] = {}
     for joint, parent in enumerate(parents):
         children.setdefault(parent, []).append(joint)
@@ -263,10 +263,10 @@ def _ordered(
         order.append(joint)
         waiting += children.get(joint, [])[::-1]
     if len(order) != len(names):
-        raise InputError(f"{name}: the parents go round in a ring.")
-    while columns[order[0]] < 0:  # nothing is known of it: what is below it must hang together by itself
+        raise InputError(f"{name}: the parents form a cycle.")
+    while columns[order[0]] < 0:  # a root that is not measured is dropped; its one child becomes the root
         if len(children.get(order[0], [])) != 1:
-            raise InputError(f"{name}: nothing measures '{names[order[0]]}', on which the others hang.")
+            raise InputError(f"{name}: '{names[order[0]]}', the parent of several joints, is not measured.")
         order = order[1:]
     place = {joint: index for index, joint in enumerate(order)}
     return _Frame(
@@ -282,7 +282,7 @@ def _ordered(
 
 
 def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[str]) -> np.ndarray:
-    """(T, J, 3) of the frame's joints: gaps bridged straight, zeros for joints that nothing measures."""
+    """(T, J, 3) places of the frame's joints: gaps interpolated linearly, zeros for joints without measurements."""
     out = np.zeros((len(places), len(frame.names), 3), places.dtype)
     missing = 0
     times = np.arange(len(places))
@@ -297,7 +297,7 @@ def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[str]) -> n
             )
         if np.abs(track[known]).max() > 1e7:
             raise InputError(
-                f"{name}: joint '{frame.names[joint]}' is at {np.abs(track[known]).max():.3g}, which is no place."
+                f"{name}: joint '{frame.names[joint]}' is at {np.abs(track[known]).max():.3g}, which is too far away."
             )
         missing += int((~known).sum())
         if known.all():
@@ -305,14 +305,14 @@ def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[str]) -> n
         else:
             out[:, joint] = np.stack([np.interp(times, times[known], track[known, i]) for i in range(3)], axis=1)
     if missing:
-        notes.append(f"{missing} missing places of joints were bridged straight from their neighbours in time.")
+        notes.append(f"{missing} missing places of joints were interpolated linearly in time.")
     return out
 
 
 def _measured_lengths(frame: _Frame, places: np.ndarray) -> np.ndarray:
-    """(J, 3) rest directions with the lengths that were measured, rounded to a thousandth of the figure.
+    """(J, 3) rest directions with the measured lengths, rounded to at most 1/10,000 of the sum of all lengths.
 
-    Bones that nothing measures keep their share of the rig's size.
+    Bones without measurements are scaled by the median ratio of measured lengths to the rig's lengths.
     """
     sizes = np.linalg.norm(frame.rest, axis=1)
     lengths = np.zeros(len(sizes))

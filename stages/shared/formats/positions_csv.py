@@ -1,4 +1,4 @@
-"""A table of joint positions as text: a line of column names (`Hips.x`, `Hips_y`, `Hips:Z`), then a line a frame."""
+"""Reading a text table of joint positions: column names (`Hips.x`, `Hips_y`, `Hips:Z`), then one line per frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _COUNTS = ("frame", "frames", "index", "frame_index", "")
 
 
 def read_csv(data: bytes, name: str) -> tuple[tuple[str, ...], np.ndarray, float | None]:
-    """Names, places (T, J, 3) with NaN for empty cells, and the rate where a column of times tells it.
+    """Names, places (T, J, 3) with NaN for empty cells, and the rate if there is a column of times.
 
     Raises: InputError naming the line and the column.
     """
@@ -29,9 +29,9 @@ def read_csv(data: bytes, name: str) -> tuple[tuple[str, ...], np.ndarray, float
     separator = max((";", "\t", ","), key=head.count)
     columns = [cell.strip().strip('"') for cell in head.split(separator)]
     if len(columns) > 3 * MAX_JOINTS + 2:
-        raise InputError(f"{name} has {len(columns)} columns, and {3 * MAX_JOINTS} are the most.")
+        raise InputError(f"{name} has {len(columns)} columns; pumps reads at most {3 * MAX_JOINTS}.")
     names, order, time = _meaning(columns, name)
-    numbers = array("d")  # grows by what was read; lists of rows would weigh ten times the text
+    numbers = array("d")  # lists of rows would take ten times the memory of the text
     for number, line in lines:
         numbers.extend(_row(line, separator, len(columns), f"{name}, line {number}"))
     values = np.frombuffer(numbers, np.float64).reshape(-1, len(columns))
@@ -44,7 +44,7 @@ def read_csv(data: bytes, name: str) -> tuple[tuple[str, ...], np.ndarray, float
 
 
 def _lines(data: bytes) -> Iterator[tuple[int, str]]:
-    """Lines that hold anything, with their numbers from 1."""
+    """Lines that are not blank, with their numbers from 1."""
     start, number = 0, 0
     while start < len(data):
         end = data.find(b"\n", start)

@@ -1,6 +1,6 @@
-"""Every format that is read, in one table: its files, how its content is recognised, the reader, its traps.
+"""The table of formats that pumps reads: each one's files, how its content is recognised, its reader, its traps.
 
-Readers are named by strings, so that a run loads only those of the formats that it meets.
+Readers are named by strings, so that a run imports only the readers that it needs.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _CSV_PLACE = re.compile(rb"[^,;\t\n]*[._: -]?[xyz]\"?[,;\t][^,;\t\n]*[._: -]?[xy
 class Format:
     """One format.
 
-    name:     what `pumps ingest` calls it.
-    suffixes: of its files, lower case. shared: True where files of other kinds often have them too.
+    name:     its name in `pumps ingest`.
+    suffixes: of its files, lower case. shared: True if files of other kinds often have the same suffixes.
     reader:   "module:function" of (data, name, Asked) -> list of Recording.
-    looks:    whether the start of a file looks like it.
-    rig:      suffix of a skeleton file that lies beside its recordings, or "".
+    looks:    whether the start of a file looks like this format.
+    rig:      suffix of the skeleton files beside its recordings, or "".
     reads, traps: for the table in docs/formats.md.
     """
 
@@ -48,7 +48,7 @@ class Format:
     rig: str = ""
 
     def read(self, data: bytes, name: str, asked: Asked) -> list[Recording]:
-        """The clips of a file. Raises InputError naming it."""
+        """The clips of a file. Raises InputError naming the file."""
         module, _, function = self.reader.partition(":")
         return getattr(import_module(module), function)(data, name, asked)
 
@@ -62,7 +62,7 @@ def _looks_amc(start: bytes) -> bool:
 
 
 def _looks_amass(start: bytes) -> bool:
-    return False  # an archive's list stands at its end: `recognise` asks for it
+    return False  # a zip's list of members is at its end: `recognise` reads it
 
 
 def _looks_deepmimic(start: bytes) -> bool:
@@ -89,16 +89,16 @@ def _looks_positions(start: bytes) -> bool:
 FORMATS: tuple[Format, ...] = (
     Format(
         "bvh", (".bvh",), "stages.shared.formats.bvh_motion:read_bvh_motion", _looks_bvh,
-        "every variant met: any channel order per joint, positions on any joints, namespaces, blanks in names, no end"
-        " sites, tabs, any newline, rows broken over lines",
-        "Unit and up axis are found from the figure. The header's zero pose may be no human pose. Frame times may be"
-        " wrong (`--fps-override`). Two ROOTs in one file are refused.",
+        "all variants found in public data: any channel order per joint, positions on any joints, namespaces, blanks"
+        " in names, missing end sites, tabs, any newline, rows wrapped over several lines",
+        "Unit and up axis are found from the body. The header's zero pose need not be a human pose. Frame times may"
+        " be wrong (`--fps-override`). A file with two ROOTs is refused.",
     ),
     Format(
         "asf", (".amc",), "stages.shared.formats.amc:read_asf_amc", _looks_amc,
-        "AMC on the ASF of the same folder (of several, the one whose name begins the AMC's) or of `--skeleton`; axis"
-        " per bone, any subset and order of channels, degrees or radians",
-        "Lengths are inches divided by the ASF's `length` (CMU: 0.45). No rate stands in most files: 120 is taken."
+        "AMC with the ASF of its folder (of several, the one whose name the AMC's name starts with) or of"
+        " `--skeleton`; axes per bone, any subset and order of channels, degrees or radians",
+        "Lengths are inches divided by the ASF's `length` (CMU: 0.45). Most files state no rate: 120 is assumed."
         " Bones' translations and stretching are left out.",
         rig=".asf",
     ),
@@ -106,41 +106,41 @@ FORMATS: tuple[Format, ...] = (
         "amass", (".npz",), "stages.shared.formats.amass:read_amass", _looks_amass,
         "SMPL, SMPL-H and SMPL-X poses, old and new layouts (`poses`, or `root_orient`, `pose_body`, ...; either"
         " spelling of the rate); with `--body-models DIR` the subject's own joints from `betas` and `gender`",
-        "Z up, turned. Without a body model the joints are those of a neutral figure of about 1.7 m, approximate by"
-        " nature. `dmpls` are left out. No pickle is read: body models must be `.npz`.",
+        "Z up, turned to Y up. Without a body model the joints are those of a neutral body of about 1.7 m and only"
+        " approximate. `dmpls` are left out. Pickles are not read: body models must be `.npz`.",
     ),
     Format(
         "deepmimic", (".json", ".txt"), "stages.shared.formats.deepmimic:read_deepmimic_motion", _looks_deepmimic,
-        "humanoid3d clips, 44 numbers a frame",
-        "Frames of unequal length are put on an even rate.",
+        "humanoid3d clips, 44 numbers per frame",
+        "Frames that last unequally long are resampled to a constant rate.",
         shared=True,
     ),
     Format(
         "robot", (".csv",), "stages.shared.formats.robot_csv:read_robot_csv", _looks_robot,
-        "joint angles of a robot on its URDF: the root's place and quaternion (x, y, z, w), then an angle a joint in"
-        " the URDF's order, or in that of a first line of names; the URDF lies in the same folder, in the one above,"
-        " anywhere in the same archive, or is given with `--skeleton`",
-        "Z up, metres, radians. No rate stands in it: 30 is taken (`--fps-override`). Joints that slide are refused."
-        " Meshes are never opened: where feet and hands end comes from solids and fixed links.",
+        "joint angles of a robot with its URDF: the root's place and quaternion (x, y, z, w), then one angle per"
+        " joint in the URDF's order, or in that of a first line of names; the URDF is in the same folder, in the one"
+        " above, anywhere in the same archive, or given with `--skeleton`",
+        "Z up, metres, radians. It states no rate: 30 is assumed (`--fps-override`). Joints that slide are refused."
+        " Meshes are never opened: the ends of feet and hands come from solids and fixed links.",
         shared=True, rig=".urdf",
     ),
     Format(
         "positions", (".npy", ".npz", ".csv"), "stages.shared.formats.positions:read_positions", _looks_positions,
         "joint positions (T, J, 3), or columns `Hips.x, Hips.y, Hips.z`; rotations by inverse kinematics",
-        "Names come from the file, a sidecar, or `--skeleton` (a rig, or the name of a known list). Roll about a"
-        " bone is not in positions: it is the least twist. Without a rate 30 is taken.",
+        "Names come from the file, a sidecar, or `--skeleton` (a rig, or the name of a known list). Positions do not"
+        " determine the twist about a bone: the smallest is used. Without a rate 30 is assumed.",
         shared=True, rig=".json",
     ),
     Format(
         "gltf", (".glb", ".gltf"), "stages.shared.formats.gltf_motion:read_gltf", _looks_gltf,
         "skins with animations, one clip each; linear, step and cubic samplers; buffers inside the file",
-        "Scales that vary or differ by axis are refused, still ones folded into lengths. Buffers in other files"
-        " are not followed.",
+        "Scales that vary or differ by axis are refused; constant ones are multiplied into the lengths. Buffers in"
+        " other files are not read.",
     ),
 )  # fmt: skip
 NAMES = tuple(each.name for each in FORMATS)
 AUTO = "auto"
-_TO_GLB = "Turn it into GLB with Blender: docs/formats.md has the line."
+_TO_GLB = "Convert it to GLB with Blender: docs/formats.md shows the command."
 _FOREIGN = ((b"Kaydara FBX Binary", "FBX", _TO_GLB), (b"; FBX ", "FBX", _TO_GLB), (b"#VRML", "VRML", _TO_GLB))
 
 
@@ -161,9 +161,9 @@ def rig_suffixes() -> tuple[str, ...]:
 
 
 def recognise(data: bytes, name: str) -> Format | None:
-    """The format of a file by its content; by its suffix where that says it; None where it is no recording.
+    """The format of a file by its content, or by its suffix if the content is unclear; None if it is not a recording.
 
-    Raises: InputError for a format that is known and not read.
+    Raises: InputError for a format that is recognised but cannot be read.
     """
     start = data[:_LOOKED_AT]
     for mark, what, hint in _FOREIGN:
@@ -180,12 +180,12 @@ def recognise(data: bytes, name: str) -> Format | None:
 
 
 def _of_arrays(data: bytes) -> Format | None:
-    """AMASS or positions by the names of the arrays; AMASS' files of shapes alone are no recordings."""
+    """AMASS or positions, by the names of the arrays; None for AMASS' files that hold body shapes only."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             arrays = {name.removesuffix(".npy") for name in archive.namelist()[:1000]}
     except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError):
-        return format_named("amass")  # whose reader says what is wrong
+        return format_named("amass")  # its reader reports the fault
     if "poses" in arrays or {"root_orient", "pose_body"} <= arrays:
         return format_named("amass")
     if arrays <= {"betas", "gender", "num_betas", "surface_model_type", "v_template", "labels", "labels_obs"}:
@@ -194,9 +194,9 @@ def _of_arrays(data: bytes) -> Format | None:
 
 
 def rig_beside(source: Source, suffix: str) -> Source | None:
-    """The skeleton file of a recording: the one whose name begins the recording's, else the only one in its folder.
+    """The skeleton file of a recording: the one whose name starts the recording's, else the only one in its folder.
 
-    JSON may be anything: there it is the one with the recording's name, or called skeleton.json.
+    A JSON file must have the recording's name or be called skeleton.json, since it may hold anything.
     """
     found = beside(source, suffix) or (above(source, suffix) if suffix == ".urdf" else [])
     stem = PurePosixPath(source.member).stem.lower()
@@ -210,16 +210,18 @@ def rig_beside(source: Source, suffix: str) -> Source | None:
 
 
 def recordings_in(source: Source, asked: Asked) -> list[Recording]:
-    """The clips of a file of any format. Raises InputError naming it where it is not a recording."""
+    """The clips of a file of any format. Raises InputError naming the file if it is not a recording."""
     data = source.read()
     chosen = recognise(data, source.name)
     if chosen is None:
-        raise InputError(f"{source.name} is no recording that pumps knows.", "docs/formats.md lists them.")
+        raise InputError(
+            f"{source.name} is not a recording in a format that pumps reads.", "docs/formats.md lists the formats."
+        )
     return read_recordings(data, source, chosen, asked)
 
 
 def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -> list[Recording]:
-    """The clips of a source's bytes; a rig that lies beside it is read where `asked` brings none.
+    """The clips of a source's bytes; without a rig in `asked`, the rig file beside the source is read.
 
     Raises: InputError naming the file.
     """

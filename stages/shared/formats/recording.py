@@ -1,4 +1,4 @@
-"""What every reader is asked and what it gives: clips of motion on skeletons, with notes on what was odd."""
+"""Input and output of every reader: the user's settings, and clips of motion on skeletons with notes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MAX_JOINTS = 4096
 
 @dataclass(frozen=True)
 class Asked:
-    """What the user said of a recording.
+    """The user's settings for reading a recording.
 
-    fps_override: true frames per second, where the file says none or a wrong one.
-    rest_frame, trim_first: as `stages.shared.formats.figure.motion_of_poses` takes them.
-    rig, rig_name: bytes and name of the file that holds the skeleton, for formats that keep it apart.
+    fps_override: true frames per second, if the file states none or a wrong one.
+    rest_frame, trim_first: see `stages.shared.formats.figure.motion_of_poses`.
+    rig, rig_name: bytes and name of the skeleton file, for formats that keep it in a file of its own.
     body_models: folder of SMPL-like body models.
-    skeleton_maps: the user's word on rigs; for each rig the one that fits its joints is taken.
+    skeleton_maps: the user's skeleton maps; for each rig the one that matches its joints is used.
     """
 
     fps_override: float | None = None
@@ -41,9 +41,9 @@ class Asked:
 class Recording:
     """One clip of a file.
 
-    part:    its name inside a file that holds several, else "".
-    notes:   what was odd and was mended, one sentence each. remarks: what was taken as given, since no file says it.
-    repaired_frames: frames with numbers that were none, filled in from their neighbours.
+    part:    its name if the file holds several clips, else "".
+    notes:   faults that were corrected, one sentence each. remarks: assumptions about facts that no file states.
+    repaired_frames: frames with values that were not numbers, filled in from their neighbours.
     """
 
     skeleton: Skeleton
@@ -64,9 +64,9 @@ def recording_of(
     notes: Sequence[str] = (),
     remarks: Sequence[str] = (),
 ) -> Recording:
-    """The clip of joints and poses that a reader found; joints in any order in which parents come first.
+    """The clip of the joints and poses that a reader found; joints in any order with parents before children.
 
-    Raises: InputError naming the file where the joints are no humanoid's.
+    Raises: InputError naming the file if the joints are not those of a humanoid.
     """
     rig, poses = depth_first(replace(rig, names=plain_names(rig.names), maps=asked.skeleton_maps), poses)
     moving = set(poses.moving)
@@ -83,19 +83,19 @@ def recording_of(
 
 
 def check_room(name: str, size: int, frames: int, joints: int) -> None:
-    """Refuse a file of `size` bytes that would make more poses than such a file tells.
+    """Raise InputError if a file of `size` bytes would give more poses than a file of this size can hold.
 
-    A pose of a joint takes some 60 bytes while it is read; a file may take 64 MB and ten times its own size.
+    One joint's pose takes about 60 bytes while it is read; a file may take 64 MB plus ten times its own size.
     """
     if frames * joints > 1_000_000 + size // 6:
         raise InputError(
-            f"{name} would make {frames} frames of {joints} joints, which is more than {size / 1e6:.1f} MB tell.",
+            f"{name} would give {frames} frames of {joints} joints, which is too many for {size / 1e6:.1f} MB.",
             "Split it, or name a skeleton with fewer joints.",
         )
 
 
 def depth_first(rig: Rig, poses: Poses) -> tuple[Rig, Poses]:
-    """The same figure with its joints in the order in which a BVH lists them."""
+    """The same rig and poses with the joints in depth-first order, the order of a BVH."""
     children: list[list[int]] = [[] for _ in rig.names]
     for joint, parent in enumerate(rig.parents):
         if parent >= 0:

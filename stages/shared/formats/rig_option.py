@@ -1,4 +1,4 @@
-"""What `--skeleton` names: the rig of files that hold none."""
+"""The value of `--skeleton`: a rig for files that hold none."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from stages.shared.formats.sources import source_named
 
 
 def rig_named(text: str) -> tuple[bytes, str]:
-    """Bytes and name of a rig's file ("archive.zip!member" too), or no bytes and the name of a known list of joints.
+    """Bytes and name of a rig's file ("archive.zip!member" too), or no bytes and the name of one of `LISTS`.
 
-    Raises: InputError where the file is not there.
+    Raises: InputError if the file does not exist.
     """
     if text in LISTS:
         return b"", text

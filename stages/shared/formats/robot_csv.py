@@ -1,7 +1,7 @@
 """Joint angles of a robot as text (Unitree's and many others' layout), on the skeleton of its URDF.
 
-A line a frame: the root's place x, y, z in metres, Z up; its rotation as a quaternion x, y, z, w; then the angle of
-every joint that turns, radians, in the URDF's order. A line of column names may come first; then it gives the order.
+A line per frame: the root's place x, y, z in metres, Z up; its rotation as a quaternion x, y, z, w; then the angle of
+every joint that turns, in radians, in the URDF's order or in the order of a first line of column names.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def read_robot_csv(data: bytes, name: str, asked: Asked) -> list[Recording]:
     fps = asked.fps_override
     if fps is None:
         fps = USUAL_FPS
-        remarks.append(f"It tells no frame rate; taken as {USUAL_FPS:g} frames a second.")
+        remarks.append(f"It states no frame rate; {USUAL_FPS:g} frames a second are assumed.")
     return [recording_of(name, rig.figure(), poses_of(table.values, rig, fps), asked, notes=notes, remarks=remarks)]
 
 
 def rig_asked(name: str, asked: Asked) -> RobotRig:
-    """The robot that a file's angles are of. Raises InputError where no URDF was given."""
+    """The robot of a file's angles. Raises InputError if no URDF was given."""
     if not looks_urdf(asked.rig):
         given = f"{asked.rig_name} is no URDF" if asked.rig_name else "no URDF lies beside it"
         raise InputError(
@@ -46,7 +46,7 @@ def rig_asked(name: str, asked: Asked) -> RobotRig:
 
 
 def poses_of(values: np.ndarray, rig: RobotRig, fps: float) -> Poses:
-    """What rows say, in a figure's axes.
+    """The poses of rows, in the axes of a skeleton (Y up).
 
     Args:
         values: (T, 7 + M) rows of a RobotTable.
@@ -58,7 +58,7 @@ def poses_of(values: np.ndarray, rig: RobotRig, fps: float) -> Poses:
 
 
 def _written_w_first(quaternions: np.ndarray) -> bool:
-    """Whether the root stands on its head as x y z w and upright as w x y z, in most frames."""
+    """Whether, in most frames, the root is upside down if read as x y z w and upright if read as w x y z."""
     x, y, z, w = quaternions.T
     as_read = np.median(1 - 2 * (x * x + y * y))
     w_first = np.median(1 - 2 * (y * y + z * z))

@@ -1,10 +1,10 @@
-"""A robot's URDF as the joints of a figure, Y up: what turns becomes a joint, what is fixed is folded into it.
+"""From a robot's URDF to a rig, Y up: each joint that turns becomes a joint, fixed links are merged into it.
 
-A robot's axes are X ahead, Y to its left and Z up (ROS REP 103); a figure's are X to its left, Y up and Z ahead. The
-change is a cyclic exchange of components, of vectors and of quaternions alike, so that no number is rounded.
+A robot's axes are X forward, Y to its left, Z up (ROS REP 103); a skeleton's are X to its left, Y up, Z forward.
+The change is a cyclic permutation of the components of vectors and quaternions, so no number is rounded.
 
-Most robots have no feet, hands or head that turn. Where their bones end comes from the collision solids, then from
-fixed links, then is 0.1 m in the last bone's direction; a head that turns nowhere becomes a joint that stays still.
+Most robots have no feet, hands or head that turn. The ends of their bones come from the collision solids, else from
+fixed links, else they are 0.1 m in the last bone's direction; a fixed head becomes a joint that stays still.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from stages.shared.humanoid.reference_pose import LEAF_LENGTH_M
 
 TO_FIGURE = (1, 2, 0)  # components x, y, z of a robot in the order in which a figure has them
 TO_ROBOT = (2, 0, 1)
-_SHORTEST_END_M = 0.05  # a fixed link or solid nearer than this tells nothing of where a hand or foot ends
+_SHORTEST_END_M = 0.05  # a nearer fixed link or solid does not determine the end of a hand or foot
 _SAME_DISTANCE = 0.99
 _NECK_BELOW_MASS_M = 0.05
 _HEAD_OVER_SHOULDERS = 1.5
 _HEAD = "head"
-# Where the head of a robot begins, metres in its chest's frame, for those whose URDF leaves it to a mesh; as in the
-# BVH files that are made of this robot, so that both are one rig.
+# Place of the head in the chest's frame, metres, for robots whose URDF has the head only as a mesh. It is that of the
+# BVH files of this robot, so that both give the same rig.
 _KNOWN_HEADS = {"g1": (0.0, 0.0, 0.38)}
 
 
@@ -53,7 +53,7 @@ class RobotRig:
     hinges: Hinges
 
     def figure(self) -> Rig:
-        """The joints as `stages.shared.formats.figure` takes them."""
+        """The joints as the type of `stages.shared.formats.figure`."""
         return Rig(
             names=self.names,
             parents=tuple(self.hinges.parents.tolist()),
@@ -67,7 +67,7 @@ class RobotRig:
 
 @dataclass
 class _Part:
-    """A link that turns, or the root, with the fixed links that hang on it."""
+    """A link that turns, or the root, with the fixed links attached to it."""
 
     joint: UrdfJoint | None
     parent: int
@@ -79,7 +79,7 @@ class _Part:
 
 
 def robot_named(text: str) -> RobotRig:
-    """The robot of a URDF's path ("archive.zip!member" too). Raises InputError where it is none."""
+    """The robot of a URDF's path ("archive.zip!member" too). Raises InputError if the file is not a URDF."""
     source = source_named(text)
     return robot_rig(source.read(), source.name)
 
@@ -89,8 +89,8 @@ def robot_rig(data: bytes, name: str) -> RobotRig:
     """The joints of a robot's URDF.
 
     Args:
-        data: the file's bytes. name: what errors call it.
-    Raises: InputError naming the file where it is no URDF, or nothing in it turns.
+        data: the file's bytes. name: its name in error messages.
+    Raises: InputError naming the file if it is not a URDF, or no joint turns.
     """
     urdf = read_urdf(data, name)
     parts = _parts(urdf, name)
@@ -120,7 +120,7 @@ def _parts(urdf: Urdf, name: str) -> list[_Part]:
     """The root and what turns, depth first in the file's order, with what is fixed to each."""
     root = urdf.root
     while len(urdf.below.get(root, ())) == 1 and urdf.below[root][0].kind == "floating":
-        root = urdf.below[root][0].child  # the world, or what a simulator hangs a robot on
+        root = urdf.below[root][0].child  # the world, or a simulator's base for the robot
     nowhere, straight = np.zeros(3), np.eye(3)
     parts = [_Part(None, -1, nowhere, straight, [], nowhere)]
     waiting: list[tuple[str, int, np.ndarray, np.ndarray, UrdfJoint | None]] = [(root, 0, nowhere, straight, None)]
@@ -141,7 +141,7 @@ def _parts(urdf: Urdf, name: str) -> list[_Part]:
 
 
 def _with_head(urdf: Urdf, parts: list[_Part]) -> list[_Part]:
-    """The parts with a still one for the head after all others, where none that turns is a head."""
+    """The parts, and after them a still part for the head if no turning part is a head."""
     if any(part.joint and sense_of(_plain(part.joint.name)).part in ("head", "neck") for part in parts):
         return parts
     known = next((place for robot, place in _KNOWN_HEADS.items() if urdf.name.lower().startswith(robot)), None)
@@ -163,7 +163,7 @@ def _with_head(urdf: Urdf, parts: list[_Part]) -> list[_Part]:
 
 
 def _appended(parts: list[_Part], chest: int, at: np.ndarray) -> list[_Part]:
-    """The parts with a still head on the chest, after everything that hangs on it."""
+    """The parts with a still head on the chest, after all parts below the chest."""
     inside = {chest}
     for index, part in enumerate(parts):
         if part.parent in inside:
@@ -177,7 +177,7 @@ def _appended(parts: list[_Part], chest: int, at: np.ndarray) -> list[_Part]:
 
 
 def _set_ends(urdf: Urdf, parts: list[_Part]) -> None:
-    """Where the bones of parts end on which nothing hangs that turns."""
+    """Ends of the bones of parts without turning children."""
     for part in parts:
         if part.below or part.joint is None:
             continue
@@ -192,7 +192,7 @@ def _set_ends(urdf: Urdf, parts: list[_Part]) -> None:
 
 
 def _farthest(points: list[np.ndarray]) -> np.ndarray | None:
-    """The middle of the points that lie farthest away, None where none lies far enough to tell anything."""
+    """The middle of the farthest points; None if they are too near to determine an end."""
     if not points:
         return None
     sizes = np.linalg.norm(points, axis=1)

@@ -1,6 +1,6 @@
 """The text of a robot's joint angles: rows of numbers, with or without a line of names before them.
 
-Lines are kept as they stand, so that a table can be written back with only some of its rows changed.
+Lines are kept verbatim, so that a table can be written back with only some of its rows changed.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _COUNTS = ("frame", "frames", "index", "frame_index", "")
 
 @dataclass(frozen=True)
 class RobotTable:
-    """What a file holds.
+    """The content of a file.
 
-    raw:     (T, C) numbers of all cells, rows of NaN where a line holds anything else (if they were to be kept).
-    columns: (7 + M,) which cell is x, y, z, qx, qy, qz, qw and each of the URDF's angles.
-    lines:   the T lines as they stand, without their ends. head, end: what stands before and after them.
+    raw:     (T, C) numbers of all cells; rows of NaN for lines that are not numbers (if they are kept).
+    columns: (7 + M,) index of the cell of x, y, z, qx, qy, qz, qw and of each of the URDF's angles.
+    lines:   the T lines verbatim, without their ends. head, end: the text before and after them.
     first_line: the number, from 1, of the first row's line.
     """
 
@@ -65,7 +65,7 @@ def read_table(data: bytes, name: str, rig: RobotRig, *, keep_unreadable_rows: b
     """The rows of a file.
 
     Args:
-        keep_unreadable_rows: True to take rows that hold anything else than numbers as rows of NaN.
+        keep_unreadable_rows: return rows of NaN for lines that are not numbers instead of refusing the file.
     Raises: InputError naming the line, and the column by its joint.
     """
     if b"\0" in data[:4096]:
@@ -80,7 +80,7 @@ def read_table(data: bytes, name: str, rig: RobotRig, *, keep_unreadable_rows: b
     if start == after:
         raise InputError(f"{name} has no rows.")
     if lines[start].count(b",") > _MOST_COLUMNS:
-        raise InputError(f"{name} has {lines[start].count(b',') + 1} columns, and {_MOST_COLUMNS} are the most.")
+        raise InputError(f"{name} has {lines[start].count(b',') + 1} columns; pumps reads at most {_MOST_COLUMNS}.")
     wanted = len(ROOT_COLUMNS) + len(rig.angle_names)
     separator = _separator(lines[start:after] if keep_unreadable_rows else lines[start : start + 1], wanted)
     cells = _cells(lines[start], separator)
@@ -107,7 +107,7 @@ def read_table(data: bytes, name: str, rig: RobotRig, *, keep_unreadable_rows: b
 
 
 def check_rows(table: RobotTable, rig: RobotRig, rows: np.ndarray) -> None:
-    """Raise InputError for the first of the rows (K,) that is no pose, naming line and column."""
+    """Raise InputError for the first of the rows (K,) that is not a pose, naming line and column."""
     names = (*ROOT_COLUMNS, *rig.angle_names)
     values = table.values[rows]
     most = np.array([_FARTHEST_M] * 3 + [2.0] * 4 + [_MOST_TURNS] * len(rig.angle_names))
@@ -118,7 +118,7 @@ def check_rows(table: RobotTable, rig: RobotRig, rows: np.ndarray) -> None:
         what = "is no finite number" if not np.isfinite(values[row, column]) else f"is {values[row, column]:g}"
         raise InputError(
             f"{table.name}, line {table.first_line + int(rows[row])}: {names[column]} {what}.",
-            "Mend or leave out the row.",
+            "Correct or remove the row.",
         )
     lengths = np.linalg.norm(values[:, 3:7], axis=1)
     off = np.flatnonzero(np.abs(lengths - 1) > _UNIT)
@@ -134,14 +134,14 @@ def table_with_rows(table: RobotTable, values: np.ndarray, kept: Mapping[int, in
     """The bytes of the table with other rows.
 
     Args:
-        values: (T, 7 + M) rows to write; those of frames in `kept` are not looked at.
+        values: (T, 7 + M) rows to write; those of frames in `kept` are ignored.
         kept: frame to write -> row of `table` whose line is copied byte for byte.
-        keys: those of `kept` whose rows are numbers; new rows are spelled as theirs.
+        keys: those of `kept` whose rows are numbers; new rows are written with as many digits.
     """
     made = np.setdiff1d(np.arange(len(values)), np.fromiter(kept, np.int64, len(kept)))
     first, last = min(keys), max(keys)
     like = table.lines[keys[first]]
-    # Cells that are no part of a pose are counters of frames or times: they go on evenly.
+    # Cells that are not part of a pose are frame numbers or times: they are continued linearly.
     begin, finish = table.raw[keys[first]], table.raw[keys[last]]
     raw = begin + (finish - begin) / max(last - first, 1) * (made[:, None] - first)
     raw[:, table.columns] = values[made]
@@ -163,7 +163,7 @@ def lines_of_rows(values: np.ndarray, decimals: int = USUAL_DECIMALS, separator:
 
 
 def _decimals(line: bytes, commas: bool) -> int:
-    """The most digits after the point of a line's numbers; the usual count where they are written with exponents."""
+    """The most decimals of a line's numbers; the usual count if they are written with exponents."""
     if b"e" in line.lower():
         return USUAL_DECIMALS
     found = re.findall(rb"\d,(\d+)" if commas else rb"\d\.(\d+)", line)
@@ -171,7 +171,7 @@ def _decimals(line: bytes, commas: bool) -> int:
 
 
 def _separator(lines: list[bytes], wanted: int) -> str:
-    """What parts the cells of the first line that has as many as are wanted; else of the first line."""
+    """The separator of the first line that has the wanted number of cells, else of the first line."""
     for line in lines:
         for separator in _SEPARATORS:
             if line.count(separator.encode()) == wanted - 1:
@@ -184,7 +184,7 @@ def _cells(line: bytes, separator: str) -> list[str]:
 
 
 def _are_names(cells: list[str], rig: RobotRig) -> bool:
-    """Whether a line is one of names: some name a part of a pose, and most are no numbers."""
+    """Whether a line holds column names: some name a part of a pose, and most are not numbers."""
     joints = {_key(joint) for joint in rig.angle_names}
     named = sum(_root_column(cell) is not None or _key(cell) in joints for cell in cells)
     return named > 0 and 2 * sum(map(_is_number, cells)) < len(cells)
@@ -200,7 +200,7 @@ def _wrong_count(count: int, name: str, rig: RobotRig) -> InputError:
 
 
 def _columns_by_name(cells: list[str], where: str, rig: RobotRig) -> np.ndarray:
-    """The cell of each value by the names in the first line. Raises InputError for names that are none."""
+    """The cell of each value, by the names in the first line. Raises InputError for unknown names."""
     found: dict[str, int] = {}
     joints = {_key(joint): joint for joint in rig.angle_names}
     for index, cell in enumerate(cells):
@@ -233,7 +233,7 @@ def _root_column(cell: str) -> str | None:
 
 
 def _with_point(cell: str, separator: str) -> str:
-    """The cell with a decimal point where spreadsheets write a comma."""
+    """The cell with a decimal point instead of a spreadsheet's decimal comma."""
     return cell.replace(",", ".") if separator == ";" else cell
 
 
@@ -246,7 +246,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(lines: list[bytes], separator: str, count: int) -> np.ndarray | None:
-    """(T, count) of lines that hold plain numbers, None where one does not."""
+    """(T, count) numbers of the lines; None if a line is not plain numbers."""
     mark = separator.encode()
     if any(line.count(mark) != count - 1 for line in lines):
         return None
@@ -254,7 +254,7 @@ def _numbers(lines: list[bytes], separator: str, count: int) -> np.ndarray | Non
     if mark != b",":
         text = text.replace(mark, b",")
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how NumPy says that a word was no number
+        warnings.simplefilter("error", DeprecationWarning)  # NumPy's sign that a word was not a number
         try:
             values = np.fromstring(text, dtype=np.float64, sep=",")
         except (ValueError, DeprecationWarning):
@@ -265,7 +265,7 @@ def _numbers(lines: list[bytes], separator: str, count: int) -> np.ndarray | Non
 def _line_by_line(
     lines: list[bytes], separator: str, count: int, name: str, begins: int, keep_unreadable: bool
 ) -> np.ndarray:
-    """The same, one line after another: says what is wrong and where."""
+    """The same, slower, line by line. Raises InputError naming line and fault."""
     values = np.full((len(lines), count), np.nan)
     for row, line in enumerate(lines):
         cells = [_with_point(cell, separator) for cell in _cells(line, separator)]

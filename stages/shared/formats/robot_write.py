@@ -21,8 +21,8 @@ class RobotRows:
     """A motion as rows.
 
     values:  (T, 7 + M) x, y, z in metres, Z up; qx, qy, qz, qw; M angles in radians, in the URDF's order.
-    beyond:  (T, M) bool, angles outside of their limits; where limits were asked for: those that they hold back.
-    off_m:   (T,) how far the joint that is farthest from the motion's is from it.
+    beyond:  (T, M) bool, angles outside their limits; with `limited`, angles that are held at a limit.
+    off_m:   (T,) largest distance of a joint from its place in the motion.
     fitted:  (T,) bool, frames in which joints turned about other axes than the robot's.
     """
 
@@ -38,9 +38,9 @@ def rows_of_motion(
     """The rows of a motion on the robot's joints.
 
     Args:
-        skeleton: has the robot's joints by name, at the same places; more of them, such as fingers, are left out.
+        skeleton: has the robot's joints by name, at the same places; further joints, such as fingers, are left out.
         limited: True to keep angles within the URDF's limits.
-    Raises: InputError with what does not correspond.
+    Raises: InputError listing what differs.
     """
     order = _joints_of(rig, skeleton, name)
     rotations = motion.rotations[:, order].astype(np.float64)
@@ -54,7 +54,7 @@ def rows_of_motion(
 
 
 def notes_of_rows(rig: RobotRig, rows: RobotRows, *, limited: bool) -> list[str]:
-    """What a user should know of rows that were made, one sentence each."""
+    """Notes for the user on the rows, one sentence each."""
     notes = []
     if rows.fitted.any():
         off = rows.off_m[rows.fitted] * 1000
@@ -75,12 +75,12 @@ def notes_of_rows(rig: RobotRig, rows: RobotRows, *, limited: bool) -> list[str]
 
 
 def csv_of_rows(values: np.ndarray, decimals: int = USUAL_DECIMALS) -> bytes:
-    """Rows as text, without a line of names, as such files are passed around."""
+    """Rows as text, without a line of names, which is the common form of such files."""
     return b"".join(line + b"\n" for line in lines_of_rows(values, decimals))
 
 
 def _joints_of(rig: RobotRig, skeleton: Skeleton, name: str) -> list[int]:
-    """For every joint of the rig the skeleton's; joints that never turn may be missing."""
+    """For every joint of the rig its index in the skeleton; joints that never turn may be missing."""
     index = {joint: at for at, joint in enumerate(skeleton.names)}
     faults: list[str] = []
     order: list[int] = []

@@ -1,13 +1,13 @@
-"""The user's word on which joints are which part of the body: a TOML file, read, checked against a rig, printed.
+"""Skeleton maps: TOML files in which the user states the body part of each joint. Read, checked, written.
 
 unit_m = 0.01                      # metres in one unit of the file; leave out to have it found
 up = "y"                           # or "z"; leave out to have it found
-pelvis = "Hips"                    # topmost joint of the body; leave out for where the chains meet
-outside = ["Sword"]                # with all that hangs on them, no part of the body
+pelvis = "Hips"                    # topmost joint of the body; leave out for the joint where the chains meet
+outside = ["Sword"]                # not part of the body, with all joints below them
 [chains]                           # from the first joint to the last; points are drawn along them
-spine = ["Hips", "Spine", "Head"]  # joints between two that are named are filled in
+spine = ["Hips", "Spine", "Head"]  # joints between two named ones are filled in
 left_arm = [...]                   # and right_arm, left_leg, right_leg
-[beside]                           # joints off the chains that belong elsewhere than the joint they hang on
+[beside]                           # joints off the chains whose group differs from their parent's
 left_leg = ["Holster"]
 """
 
@@ -35,10 +35,10 @@ UP_AXES = ("y", "z")
 
 @dataclass(frozen=True)
 class SkeletonMap:
-    """What a map says, joints by name; None or empty where it says nothing.
+    """The content of a map, joints by name; None or empty for keys that it leaves out.
 
-    chains, beside: a tuple of names for each of BODY_GROUPS. faults: what is wrong with the map itself, a sentence
-    each; they are told together with what does not fit a rig.
+    chains, beside: a tuple of names for each of BODY_GROUPS. faults: faults of the map itself, one clause each; they
+    are reported together with those found against a rig.
     """
 
     name: str
@@ -52,18 +52,18 @@ class SkeletonMap:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Every joint that the map names, once."""
+        """All joints that the map names, each once."""
         named = [joint for chain in (*self.chains, *self.beside, self.outside) for joint in chain]
         return tuple(dict.fromkeys([*named, *([self.pelvis] if self.pelvis else [])]))
 
 
 def read_skeleton_map(path: Path) -> SkeletonMap:
-    """The map in a file. Its faults are kept for `choose_map`. Raises InputError where it is missing or no TOML."""
+    """The map in a file. `choose_map` reports its faults. Raises InputError if the file is missing or not TOML."""
     return map_of_values(read_toml(path, what="skeleton map", option="--skeleton-map"), str(path))
 
 
 def read_skeleton_maps(paths: Sequence[Path]) -> tuple[SkeletonMap, ...]:
-    """Maps for several rigs. Raises InputError for the first one that is faulty in itself."""
+    """Maps for several rigs. Raises InputError for the first map that has a fault of its own."""
     maps = tuple(read_skeleton_map(path) for path in paths)
     for each in maps:
         if each.faults:
@@ -72,13 +72,13 @@ def read_skeleton_maps(paths: Sequence[Path]) -> tuple[SkeletonMap, ...]:
 
 
 def unused_maps(maps: Sequence[SkeletonMap], rigs: Iterable[Sequence[str]]) -> list[str]:
-    """A sentence on each map that none of the rigs, given by their joints' names, took."""
+    """One sentence for each map that matches none of the rigs; a rig is given by its joints' names."""
     taken = {chosen.name for names in rigs if (chosen := choose_map(maps, names)) is not None}
-    return [f"{each.name} fits none of the rigs that were read." for each in maps if each.name not in taken]
+    return [f"{each.name} matches none of the rigs that were read." for each in maps if each.name not in taken]
 
 
 def map_of_values(values: dict[str, Any], name: str) -> SkeletonMap:
-    """The map that plain data tell."""
+    """The map of values read from TOML; `name` is its name in error messages."""
     faults = [f"'{key}' is no key; there are {', '.join(_KEYS)}" for key in values if key not in _KEYS]
     chains = _groups(values.get("chains", {}), "chains", faults)
     beside = _groups(values.get("beside", {}), "beside", faults)
@@ -99,10 +99,10 @@ def map_of_values(values: dict[str, Any], name: str) -> SkeletonMap:
 
 
 def choose_map(maps: Sequence[SkeletonMap], names: Sequence[str], *, must_fit: bool = False) -> SkeletonMap | None:
-    """The first map all of whose joints a rig has; None where each map is of another rig altogether.
+    """The first map whose joints are all on the rig; None if no map names any of the rig's joints.
 
-    Raises: InputError with all faults at once, where a map is faulty or names only some of the rig's joints, or where
-        `must_fit` and none fits.
+    Raises: InputError listing all faults, if a map is faulty, if only some of the joints it names are on the rig, or
+        if `must_fit` is True and some joint that it names is not on the rig.
     """
     known = set(names)
     for each in maps:
@@ -116,9 +116,9 @@ def choose_map(maps: Sequence[SkeletonMap], names: Sequence[str], *, must_fit: b
 
 
 def parts_of_map(given: SkeletonMap, names: Sequence[str], parents: np.ndarray) -> BodyParts:
-    """The body parts that a map tells of a rig.
+    """The body parts of a rig by a map.
 
-    Raises: InputError with all faults at once where its chains do not run down the rig.
+    Raises: InputError listing all faults, if a chain does not run down the rig.
     """
     index = {name: joint for joint, name in enumerate(names)}
     lines = [_line(joint, parents) for joint in range(len(names))]
@@ -137,7 +137,7 @@ def parts_of_map(given: SkeletonMap, names: Sequence[str], parents: np.ndarray) 
     pelvis = index[given.pelvis] if given.pelvis else max(set.intersection(*(set(lines[j]) for j in firsts)))
     for group, chain in zip(BODY_GROUPS, chains, strict=True):
         if chain and pelvis not in lines[chain[0]]:
-            faults.append(f"{group} begins at '{names[chain[0]]}', which does not lie below '{names[pelvis]}'")
+            faults.append(f"{group} begins at '{names[chain[0]]}', which is not below '{names[pelvis]}'")
     if faults:
         raise _error(given, faults)
     told = {joint: group for group, chain in enumerate(chains) for joint in chain}
@@ -153,7 +153,7 @@ def parts_of_map(given: SkeletonMap, names: Sequence[str], parents: np.ndarray) 
 
 
 def text_of_anatomy(anatomy: RigAnatomy, names: Sequence[str], parents: np.ndarray, source: str) -> str:
-    """The map of a rig as it was found, ready to edit."""
+    """The map of a rig as pumps found it, as TOML text to edit."""
     told = {joint: group for group, chain in enumerate(anatomy.chains) for joint in chain}
     beside: dict[str, list[str]] = {}
     outside: list[str] = []
@@ -174,11 +174,11 @@ def text_of_anatomy(anatomy: RigAnatomy, names: Sequence[str], parents: np.ndarr
         values["beside"] = beside
     found = anatomy.findings
     head = [
-        f"# How pumps sees the rig of {' '.join(source.split())}. Edit it and give it back with --skeleton-map.",
+        f"# Body parts that pumps found on {' '.join(source.split())}. Edit them; give the file as --skeleton-map.",
         f"# Body groups were found by {found['groups'].how} (sure: {found['groups'].sure:.2f}), left and right by"
         f" {found['sides'].how} (sure: {found['sides'].sure:.2f}).",
-        "# Points are drawn along the chains, from the first joint to the last; what hangs on a joint of a chain",
-        "# belongs to its group, is not seen by points and passes through.",
+        "# Points are drawn along the chains, from the first joint to the last. Joints off a chain belong to the",
+        "# group of the joint above them; no points are drawn on them, and their motion is copied or interpolated.",
         "",
     ]
     return "\n".join(head) + toml_text(values)
@@ -218,12 +218,12 @@ def _line(joint: int, parents: np.ndarray) -> list[int]:
 def _filled(
     group: str, chain: list[int], lines: list[list[int]], names: Sequence[str], faults: list[str]
 ) -> tuple[int, ...]:
-    """The chain with the joints between those that are named."""
+    """The chain, including the joints between the named ones."""
     filled = chain[:1]
     for before, joint in pairwise(chain):
         line = lines[joint]
         if before not in line[1:]:
-            faults.append(f"in {group} '{names[joint]}' does not hang below '{names[before]}'")
+            faults.append(f"in {group} '{names[joint]}' is not below '{names[before]}'")
             continue
         filled += reversed(line[: line.index(before)])
     return tuple(filled)

@@ -1,4 +1,4 @@
-"""The joints of the SMPL family: names, parents, a neutral figure's sizes, and a subject's own by a body model.
+"""The joints of the SMPL family: names, parents, sizes of a neutral body, and a subject's own from a body model.
 
 Joints in the model's frame at rest: T-pose, Y up, X to the left, facing Z, metres.
 """
@@ -17,10 +17,10 @@ from stages.shared.formats.arrays import read_arrays
 _Place = tuple[float, float, float]
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 
-# Name, parent, head in the parent's frame. A plain figure of about 1.70 m, written for this project from the usual
-# shares of stature (legs and arms after Drillis and Contini, 1966: thigh 0.245, shank 0.246, upper arm 0.186, forearm
-# 0.146), trunk and hands by eye. It is no one's body and no model's mean: good for directions, good to some
-# centimetres for places.
+# Name, parent, head in the parent's frame. A body of about 1.70 m, written for this project from the usual shares of
+# stature (legs and arms after Drillis and Contini, 1966: thigh 0.245, shank 0.246, upper arm 0.186, forearm 0.146);
+# trunk and hands are estimates. It is neither a person's body nor the mean of a model: directions are right, places
+# are within a few centimetres.
 _LEFT_OR_MIDDLE: tuple[tuple[str, str, _Place], ...] = (
     ("pelvis", "", (0.0, 0.0, 0.0)),
     ("left_hip", "pelvis", (0.085, -0.05, 0.0)),
@@ -59,7 +59,7 @@ _BODY = (
 )  # fmt: skip
 _HANDS = [f"{side}_{finger}{i}" for side in ("left", "right") for finger in _FINGERS for i in (1, 2, 3)]
 
-# The joints of each layout in the order of its pose vectors.
+# The joints of each layout, in the order of its pose vectors.
 LAYOUTS: dict[str, tuple[str, ...]] = {
     "body": _BODY,
     "smpl": (*_BODY, "left_hand", "right_hand"),
@@ -91,14 +91,14 @@ def parents_of(layout: str) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class RestJoints:
-    """offsets: J heads in the parents' frames; pelvis: the pelvis' own place in the model's frame."""
+    """offsets: J heads in the parents' frames. pelvis: the pelvis' place in the model's frame."""
 
     offsets: tuple[_Place, ...]
     pelvis: _Place
 
 
 def neutral_joints(layout: str) -> RestJoints:
-    """The plain figure that stands in where no body model is given."""
+    """The joints of the neutral body, used when no body model is given."""
     return RestJoints(tuple(_figure()[name][1] for name in LAYOUTS[layout]), (0.0, 0.0, 0.0))
 
 
@@ -106,18 +106,18 @@ def subject_joints(folder: Path, layout: str, gender: str, betas: np.ndarray) ->
     """The joints of a subject's own body: J_regressor (template + shape directions x betas).
 
     Args:
-        folder: holds smplh/male/model.npz, smplx/SMPLX_MALE.npz and the like.
-        betas: (B,) shape parameters; those beyond the model's are left out.
-    Raises: InputError where no model is found or it is damaged.
+        folder: holds smplh/male/model.npz, smplx/SMPLX_MALE.npz and so on.
+        betas: (B,) shape parameters; those beyond the model's number are left out.
+    Raises: InputError if no model is found or it is damaged.
     """
     path = _model_path(folder, layout, gender)
     template, directions = _regressed(str(path), path.stat().st_mtime_ns)
     if len(template) < len(LAYOUTS[layout]):
-        raise InputError(f"{path} has {len(template)} joints, and {layout} needs {len(LAYOUTS[layout])}.")
+        raise InputError(f"{path} has {len(template)} joints, but {layout} needs {len(LAYOUTS[layout])}.")
     count = min(len(betas), directions.shape[-1])
     joints = (template + directions[..., :count] @ betas[:count])[: len(LAYOUTS[layout])]
     if not np.isfinite(joints).all():
-        raise InputError(f"{path} and the betas make joints that are not finite.")
+        raise InputError(f"{path} and the recording's betas give joints that are not finite.")
     parents = np.array(parents_of(layout))
     offsets = joints - joints[parents]
     return RestJoints(tuple(map(tuple, offsets.tolist())), tuple(joints[0].tolist()))
@@ -137,8 +137,8 @@ def _model_path(folder: Path, layout: str, gender: str) -> Path:
         if path.is_file():
             return path
     raise InputError(
-        f"{folder} has no {layout} body model for the gender {gender}: {tried[0]} is not there, nor its other names.",
-        "Body models come as .npz from their publishers; pickles (.pkl) are never read.",
+        f"{folder} has no {layout} body model for the gender {gender}: neither {tried[0]} nor a variant of its name.",
+        "Download the model's .npz from its publisher; pickles (.pkl) are never read.",
     )
 
 
@@ -152,13 +152,13 @@ def _regressed(path: str, stamp: int) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from None
     if pickled or set(arrays) != set(wanted):
         lacking = ", ".join(sorted(set(wanted) - set(arrays)))
-        raise InputError(f"{path} lacks plain arrays of {lacking}.", "Take the .npz of its publisher.")
+        raise InputError(f"{path} lacks plain arrays of {lacking}.", "Use the .npz of its publisher.")
     template, directions, regressor = (np.asarray(arrays[key], np.float64) for key in wanted)
     points = len(template)
     if template.shape != (points, 3) or directions.shape[:2] != (points, 3) or directions.ndim != 3:
-        raise InputError(f"{path} is damaged: its points and shape directions do not fit.")
+        raise InputError(f"{path} is damaged: its points and shape directions differ in number.")
     if regressor.ndim != 2 or regressor.shape[1] != points:
-        raise InputError(f"{path} is damaged: its J_regressor does not fit its points.")
-    # The full set has 300 shape directions and then those of the face; a short SMPL-X file ten of each.
+        raise InputError(f"{path} is damaged: its J_regressor does not match its points.")
+    # A full model has 300 shape directions, then those of the face; a short SMPL-X file has ten of each.
     shapes = 300 if directions.shape[2] >= 300 else 10 if directions.shape[2] == 20 else directions.shape[2]
     return regressor @ template, np.einsum("jv,vkb->jkb", regressor, directions[..., :shapes])

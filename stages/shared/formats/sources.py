@@ -1,4 +1,4 @@
-"""Where recordings come from: files, folders, globs and archives, whose members are read one by one in memory."""
+"""The sources of recordings: files, folders, globs and archives, whose members are read one by one in memory."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _MAX_NEIGHBOURS = 100_000
 class Source:
     """One recording.
 
-    name:    what reports call it: "path/archive.zip!member", or the file's path.
+    name:    its name in reports: "path/archive.zip!member", or the file's path.
     archive: the archive's path, or "" for a plain file.
-    member:  its name inside the archive, or relative to the folder that was given.
+    member:  its name inside the archive, or relative to the given folder.
     size:    bytes, unpacked.
     offset:  where its bytes begin in an unpacked tar archive, else -1.
-    named:   True where the user named this very file, and not a folder, pattern or archive that holds it.
+    named:   True if the user named this file itself, not a folder, pattern or archive that holds it.
     """
 
     name: str
@@ -55,14 +55,14 @@ class Source:
         return PurePosixPath(self.member.replace("\\", "/")).suffix.lower()
 
     def read(self) -> bytes:
-        """The recording's bytes. Raises InputError where it cannot be read or is damaged."""
+        """The recording's bytes. Raises InputError if it cannot be read or is damaged."""
         if self.archive:
             return read_member(self.archive, Member(self.member, self.size, self.offset))
         return _read_file(self)
 
 
 def source_named(name: str) -> Source:
-    """The source with the given `Source.name`. Raises InputError where it is not there."""
+    """The source with the given `Source.name`. Raises InputError if it does not exist."""
     archive, mark, member = name.partition("!")
     if mark and archive_suffix(archive):
         for source in _in_archive(archive):
@@ -73,13 +73,13 @@ def source_named(name: str) -> Source:
 
 
 def find_sources(sources: Iterable[str], suffixes: tuple[str, ...] = (".bvh",)) -> list[Source]:
-    """All recordings that the given files, folders, globs and archives hold, each once, sorted within each.
+    """All recordings in the given files, folders, globs and archives, each once; those of one source are sorted.
 
-    Members of a tar archive come in the archive's own order, in which they are read fastest.
+    Members of a tar archive are in the archive's own order, which is the fastest to read.
 
     Args:
-        suffixes: of recordings, lower case. A file named outright is taken whatever its suffix.
-    Raises: InputError where a source names nothing, or an archive is damaged or hostile.
+        suffixes: of recordings, lower case. A file that is named itself may have any suffix.
+    Raises: InputError if a source holds no recordings, or an archive is damaged or hostile.
     """
     found: dict[str, Source] = {}
     for text in sources:

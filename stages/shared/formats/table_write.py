@@ -1,4 +1,4 @@
-"""Writing motions as tables: CSV, a line a frame, and Parquet, a row for every frame and joint.
+"""Writing motions as tables: CSV with one line per frame, Parquet with one row per frame and joint.
 
 Positions are joints' places in the world, metres, Y up; rotations are global unit quaternions, xyzw.
 """
@@ -25,7 +25,7 @@ def csv_of_motion(skeleton: Skeleton, motion: Motion, values: str = "both", deci
     """The bytes of a CSV: `frame`, `time`, then `NAME.x` to `NAME.z` and `NAME.qx` to `NAME.qw` of every joint.
 
     Args:
-        values: one of VALUES; positions alone are what `pumps ingest positions` reads.
+        values: one of VALUES; `pumps ingest positions` reads a table of positions only.
     """
     chosen = {"both": (_PLACES, _TURNS), "positions": (_PLACES,), "rotations": (_TURNS,)}[values]
     blocks = [places_of(skeleton, motion) if axes is _PLACES else motion.rotations.astype(float) for axes in chosen]
@@ -43,7 +43,7 @@ def csv_of_motion(skeleton: Skeleton, motion: Motion, values: str = "both", deci
 def parquet_of_motion(skeleton: Skeleton, motion: Motion, clip: str, licence: str = "") -> bytes:
     """The bytes of a Parquet file: one row for every frame and joint, frames outermost.
 
-    Columns: clip, frame, time (seconds), joint, group (null outside of the body), x, y, z (float64),
+    Columns: clip, frame, time (seconds), joint, group (null outside the body), x, y, z (float64),
     qx, qy, qz, qw (float32). The file's metadata hold fps, names, parents, offsets_m, units and licence.
     """
     frames, joints = motion.frames, skeleton.joints

@@ -1,7 +1,7 @@
-"""A robot's URDF: links hung on joints, each with a place, an axis and limits, all in metres and radians, Z up.
+"""Reading a robot's URDF: links connected by joints, each with a place, an axis and limits; metres, radians, Z up.
 
-Read with expat alone, so that nothing outside the file is ever opened: a document type (and with it every entity) is
-refused where it begins, and meshes are names that nobody follows.
+Read with expat alone, so that no other file is ever opened: a document type (and with it every entity) is refused,
+and meshes are ignored.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class UrdfJoint:
     parent, child: names of the links that it joins.
     xyz, rpy: the child link's frame in the parent link's: metres, and radians about fixed axes X, Y, Z.
     axis:   of length 1, in the child link's frame.
-    limits: lowest and highest angle in radians, infinite where the file gives none.
+    limits: lowest and highest angle in radians, infinite if the file gives none.
     mimic:  the joint whose angle this one follows, "" for none: angle = factor * its angle + shift.
     """
 
@@ -50,13 +50,13 @@ class UrdfJoint:
 
     @property
     def turns(self) -> bool:
-        """Whether it has an axis to turn about, be it by itself or after another joint."""
+        """Whether it turns about an axis, by its own angle or by that of a joint that it mimics."""
         return self.kind in _TURNING
 
 
 @dataclass(frozen=True)
 class UrdfLink:
-    """One link. mass_centre: where its mass lies, None if not told; solids: points that its collision solids reach
+    """One link. mass_centre: its centre of mass, None if not given. solids: extreme points of its collision solids
     (spheres' centres, boxes' corners, ends of cylinders' and capsules' axes). Both in metres in the link's frame."""
 
     name: str
@@ -66,7 +66,7 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class Urdf:
-    """A robot: a tree of links. joints: in the file's order; root: the link that hangs on nothing."""
+    """A robot: a tree of links. joints: in the file's order. root: the link without a parent."""
 
     name: str
     links: dict[str, UrdfLink]
@@ -85,8 +85,8 @@ def read_urdf(data: bytes, name: str) -> Urdf:
     """Parse a URDF.
 
     Args:
-        data: the file's bytes. name: what errors call it.
-    Raises: InputError naming the file, and the line, joint or link that is wrong.
+        data: the file's bytes. name: its name in error messages.
+    Raises: InputError naming the file, and the line, joint or link with the fault.
     """
     if len(data) > MAX_URDF_BYTES:
         raise InputError(f"{name} has {len(data) / 1e6:.0f} MB, which is no robot's description.")
@@ -120,7 +120,7 @@ def read_urdf(data: bytes, name: str) -> Urdf:
 
 
 def _tree(title: str, name: str, links: dict[str, UrdfLink], joints: tuple[UrdfJoint, ...]) -> Urdf:
-    """The links put together. Raises InputError where they form no tree."""
+    """The tree of the links. Raises InputError if they do not form a tree."""
     above: dict[str, str] = {}
     below: dict[str, list[UrdfJoint]] = {}
     named = {joint.name: joint for joint in joints}
@@ -171,7 +171,7 @@ class _Element:
 
 
 class _Reader:
-    """Builds a tree of elements; refuses document types, deep nesting and floods of elements while it reads."""
+    """Builds a tree of elements; refuses document types, deep nesting and too many elements while it reads."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -301,7 +301,7 @@ def _link(element: _Element, name: str) -> UrdfLink:
 
 
 def _solid(geometry: _Element, origin: _Element | None, where: str) -> list[Vector]:
-    """Points that a solid reaches; none of a mesh, whose file is never opened."""
+    """Extreme points of a solid; none for a mesh, whose file is never opened."""
     place = _numbers(origin, "xyz", ZERO, where)
     turn = rotation_of(_numbers(origin, "rpy", ZERO, where))
     corners: list[Vector] = []
@@ -317,7 +317,7 @@ def _solid(geometry: _Element, origin: _Element | None, where: str) -> list[Vect
 
 
 def rotation_of(rpy: Vector) -> tuple[Vector, Vector, Vector]:
-    """Rows of the matrix of roll, pitch and yaw: turns about fixed X, then Y, then Z, in radians."""
+    """Rows of the matrix of roll, pitch and yaw: rotations about fixed X, then Y, then Z, in radians."""
     (sx, sy, sz), (cx, cy, cz) = map(math.sin, rpy), map(math.cos, rpy)
     return (
         (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx),

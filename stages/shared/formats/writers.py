@@ -1,4 +1,4 @@
-"""Every format that is written, by name and by the suffix of its files."""
+"""The formats that pumps writes, by name and by the suffix of their files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parqu
 
 
 def written_format(path: Path) -> str:
-    """The format that a file's suffix names. Raises UsageError where it names none that is written."""
+    """The format of a file's suffix. Raises UsageError if pumps does not write such files."""
     by_suffix = {suffix: name for name, suffix in SUFFIXES.items()}
     found = by_suffix.get(path.suffix.lower())
     if found is None:
@@ -34,11 +34,11 @@ def bytes_of_motion(
 
     Args:
         chosen: a name of SUFFIXES.
-        name: what the clip is called, where the format has a place for it.
+        name: the clip's name, written if the format has a place for it.
         values: of CSV: "both", "positions" or "rotations".
 
-    Returns: the bytes, and notes on what the format does not hold, one sentence each.
-    Raises: InputError where the skeleton has no BVH header and a BVH is asked for.
+    Returns: the bytes, and notes on what the format cannot hold, one sentence each.
+    Raises: InputError if a BVH is to be written and the skeleton has no BVH header.
     """
     if chosen == "bvh":
         return bvh_of_motion(skeleton, motion, name), []

@@ -1,6 +1,6 @@
-"""All that is known of a rig as a body, each thing with how it was found and how sure that is.
+"""The anatomy of a rig: what is known of it as a body, how each fact was found, and how certain it is.
 
-Made from a Skeleton and some of its poses, whatever file they came from; nothing here is needed to read a file.
+Found from a Skeleton and some of its poses. Reading a file does not need it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _UPRIGHT = 0.8
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing found. how: "names", "shape", "pose", "map" or "file". sure: 0 to 1."""
+    """How one fact was found. how: "names", "shape", "pose", "map" or "file". sure: certainty, 0 to 1."""
 
     value: str
     how: str
@@ -34,19 +34,19 @@ class Finding:
 class RigAnatomy:
     """A rig as a body, J joints.
 
-    groups:        (J,) int8 body group, NO_GROUP outside of the body.
+    groups:        (J,) int8 body group, NO_GROUP outside the body.
     pelvis:        topmost joint of the body.
-    chains:        per group the joints that points are drawn along, from the first to the last.
+    chains:        for each group the joints that points are drawn along, from the first to the last.
     pairs:         (left, right) joints.
-    end_effectors: "head", "left_hand", ... -> the last joint of its chain.
-    unseen:        joints of the body that no point is drawn on (fingers, faces, twists, joints without length).
-    outside:       joints that are no part of the body.
+    end_effectors: "head", "left_hand", ... -> the last joint of that chain.
+    unseen:        joints of the body without points (fingers, faces, twists, joints without length).
+    outside:       joints that are not part of the body.
     up_axis:       the source's.
-    facing:        (3,) unit vector in the source's axes, where the body looks at rest, or in the first pose where its
-                   rest pose is no human pose.
+    facing:        (3,) unit vector in the source's axes, the forward direction at rest, or in the first pose if the
+                   rest pose is not a human pose.
     unit_m:        metres in one unit of the source. stature_m: height of the joints in the most upright pose.
-    rest:          what the pose at zero rotations is: "T-pose", "A-pose", "arms down", "standing" or "no human pose".
-    findings:      "groups", "sides", "up", "facing", "rest" -> how found and how sure.
+    rest:          kind of the pose at zero rotations: "T-pose", "A-pose", "arms down", "standing", "no human pose".
+    findings:      "groups", "sides", "up", "facing", "rest" -> how it was found and how certain it is.
     """
 
     groups: np.ndarray
@@ -65,7 +65,7 @@ class RigAnatomy:
 
     @property
     def sides_look_swapped(self) -> bool:
-        """Whether the poses contradict the sides that the names tell."""
+        """Whether the poses contradict the sides in the joint names."""
         return self.findings["sides"].value == "swapped"
 
 
@@ -76,8 +76,8 @@ def anatomy_of(
 
     Args:
         heads: (F, J, 3) joints, metres, Y up. rotations: (F, J, 4) global, xyzw.
-        spacing_s: seconds from one pose to the next, 0 where they are no row in time.
-        mapped: True where the user's skeleton map said what the joints are.
+        spacing_s: seconds from one pose to the next, 0 if they are not consecutive.
+        mapped: True if the body parts come from a skeleton map of the user's.
     """
     parts, how, sure = parts_of_skeleton(skeleton, mapped)
     told = np.linalg.norm(skeleton.tails, axis=1) > 0
@@ -87,7 +87,7 @@ def anatomy_of(
     rest = _rest_name(rest_heads, parts)
     still = np.tile((0.0, 0.0, 0.0, 1.0), (1, skeleton.joints, 1))
     at_rest = BodyPoses(rest_heads[None], bone_tips(rest_heads[None], still, skeleton.tails, told))
-    # The rest pose lies in the source's axes, the motion in ours.
+    # The rest pose is in the source's axes, the motion is Y up.
     turn = turn_to_y_up(skeleton.up_axis)
     if rest == "no human pose":
         forward = moving.forward[0] if turn is None else turn.inv().apply(moving.forward[0])
@@ -133,7 +133,7 @@ def _findings(
 
 
 def direction_name(direction: np.ndarray) -> str:
-    """ "+Z" for what points along an axis within 15 degrees, else the vector."""
+    """The name of a direction: "+Z" and so on within 15 degrees of an axis, else its components."""
     axis = int(np.abs(direction).argmax())
     if abs(direction[axis]) > np.cos(np.deg2rad(15)):
         return f"{'+' if direction[axis] > 0 else '-'}{'XYZ'[axis]}"
@@ -141,7 +141,7 @@ def direction_name(direction: np.ndarray) -> str:
 
 
 def parts_of_skeleton(skeleton: Skeleton, mapped: bool = False) -> tuple[BodyParts, str, float]:
-    """Groups and chains as the skeleton has them, and how they were found."""
+    """The skeleton's groups and chains, and how they were found."""
     how, sure = "map", 1.0
     if not mapped:
         try:
@@ -155,7 +155,7 @@ def parts_of_skeleton(skeleton: Skeleton, mapped: bool = False) -> tuple[BodyPar
 
 
 def _chain_of(skeleton: Skeleton, group: int) -> tuple[int, ...]:
-    """From the group's first joint to its deepest one that carries points; joints without length belong to it too."""
+    """The chain from a group's first joint to its deepest joint with points, including joints without length."""
     seen = np.flatnonzero((skeleton.groups == group) & skeleton.sampled)
     best: tuple[int, ...] = ()
     for joint in seen.tolist():
@@ -177,7 +177,7 @@ def _rest_of(skeleton: Skeleton) -> np.ndarray:
 
 
 def _rest_name(rest: np.ndarray, parts: BodyParts) -> str:
-    """What a pose is, by the angles between trunk, legs and arms."""
+    """The kind of a pose, by the angles between trunk, legs and arms."""
     chains = parts.chains
     if not all(chains):
         return "no human pose"

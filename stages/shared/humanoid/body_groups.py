@@ -1,7 +1,8 @@
-"""Which joint belongs to which part of the body, for any humanoid: by names where they speak, else by topology.
+"""The body group of each joint, for any humanoid: by names if they identify the limbs, else by topology.
 
-A humanoid has two legs and two arms, each a branch of the tree; what is left of the pelvis' subtree is the spine.
-Joints off the main chains (fingers, face, twists, props) belong to their limb but are not seen by point clouds.
+A humanoid has two legs and two arms, each a branch of the tree; the rest of the pelvis' subtree is the spine. Joints
+off the main chains (fingers, face, twists, props) belong to their limb's group, but point clouds have no points on
+them.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ class BodyParts:
 
     groups:  (J,) int8 body group, NO_GROUP above or beside the pelvis' subtree.
     pelvis:  the topmost joint of the body.
-    chains:  per group the main chain of joints, from its first to its last (hand, toes, head).
-    sided:   False where left and right are a guess, since no name told them.
-    sure:    0 to 1, how far these limbs stand out against any other choice; 1 where names told them.
+    chains:  for each group the main chain of joints, from the first to the last (hand, toes, head).
+    sided:   False if left and right are a guess, since no name states them.
+    sure:    0 to 1, margin of these limbs over the next best choice; 1 if names identify them.
     """
 
     groups: np.ndarray
@@ -38,11 +39,11 @@ class BodyParts:
     sure: float = 1.0
 
     def mirrored(self) -> BodyParts:
-        """The same parts with left and right exchanged."""
+        """The same parts with left and right swapped."""
         return self._swapped(np.array([0, 2, 1, 4, 3, NO_GROUP], np.int8))
 
     def with_arms_exchanged(self) -> BodyParts:
-        """The same parts with only the arms' sides exchanged."""
+        """The same parts with only the left and right arm swapped."""
         return self._swapped(np.array([0, 2, 1, 3, 4, NO_GROUP], np.int8))
 
     def _swapped(self, swap: np.ndarray) -> BodyParts:
@@ -56,8 +57,8 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
     Args:
         names, parents (J,): the hierarchy, parents before children.
         offsets: (J, 3) heads in the parents' frames, any unit.
-        ends: (J,) length of each joint's End Site, 0 where there is none.
-    Raises: InputError where no two legs and two arms are found.
+        ends: (J,) length of each joint's End Site, 0 if there is none.
+    Raises: InputError if two legs and two arms are not found.
     """
     senses = [sense_of(name) for name in names]
     lengths = np.linalg.norm(offsets, axis=1)
@@ -69,7 +70,7 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
         if isinstance(found, str):
             raise InputError(
                 f"The skeleton is no humanoid that can be recognised, with two legs and two arms: it {found}.",
-                "If it is one, say which joints are its limbs with --skeleton-map, or name them (LeftUpLeg, ...).",
+                "If it is one, name the joints of its limbs with --skeleton-map, or rename them (LeftUpLeg, ...).",
             )
         legs, arms, sure = found.legs, found.arms, found.sure
         limbs = {LEFT_ARM: arms.first, RIGHT_ARM: arms.second, LEFT_LEG: legs.first, RIGHT_LEG: legs.second}
@@ -80,7 +81,7 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
 def parts_from_limbs(
     tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int], *, sided: bool, sure: float
 ) -> BodyParts:
-    """Groups and chains once it is known where the body and each of its limbs begin."""
+    """Groups and chains from the first joints of the body and of its limbs."""
     groups = np.full(len(tree.parents), NO_GROUP, np.int8)
     groups[tree.subtree(pelvis)] = SPINE
     chains: list[tuple[int, ...]] = [()] * 5
@@ -92,7 +93,7 @@ def parts_from_limbs(
 
 
 def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] | None:
-    """First joint of each limb, by group, or None where names do not tell all four."""
+    """First joint of each limb, by group; None if names do not identify all four."""
     limbs: dict[int, int] = {}
     for group, part, side in (
         (LEFT_ARM, "arm", LEFT),
@@ -116,9 +117,9 @@ def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] |
 
 
 def _pelvis_of(tree: JointTree, senses: list[NameSense], limbs: dict[int, int]) -> int:
-    """Where the four limbs meet, or the joint right above that place that is named so.
+    """The joint where the four limbs meet, or its parent if that is named as the pelvis.
 
-    Where no name says hip, a short bone that leads to that place is the pelvis' own.
+    If no name says hip, a short bone that leads to that joint is the pelvis' bone.
     """
     pelvis = tree.common_ancestor(list(limbs.values()))
     above = tree.parents[pelvis]
@@ -130,7 +131,7 @@ def _pelvis_of(tree: JointTree, senses: list[NameSense], limbs: dict[int, int]) 
 
 
 def _spine_chain(tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int]) -> tuple[int, ...]:
-    """Pelvis, up to where the arms branch off, and on to the head."""
+    """The joints from the pelvis to the one where the arms branch off, and on to the head."""
     chest = tree.common_ancestor([limbs[LEFT_ARM], limbs[RIGHT_ARM]])
     path = [joint for joint in reversed(tree.ancestors(chest)) if joint >= pelvis and pelvis in tree.ancestors(joint)]
     limbed = {joint for first in limbs.values() for joint in tree.ancestors(first)}
@@ -150,6 +151,6 @@ def _leads_to_a_head(tree: JointTree, senses: list[NameSense], joint: int) -> bo
 
 
 def _are_a_pair(tree: JointTree, joints: list[int]) -> bool:
-    """Whether the two longest of these branches are alike."""
+    """Whether the two longest of these branches are similar."""
     longer, shorter = sorted((tree.branch_length(joint) for joint in joints), reverse=True)[:2]
     return shorter > 0.7 * longer

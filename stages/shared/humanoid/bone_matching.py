@@ -1,9 +1,9 @@
-"""Which bone of one humanoid answers to which bone of another, whatever their names and counts.
+"""Matching the bones of two humanoids without using names, for any number of bones.
 
-Limbs are matched by the lengths of their bones, measured in legs: a monotone alignment in which a bone may answer to
-several (a forearm split for its twist), or to none at a limb's ends (a clavicle, toes). Spines are
-matched by place: pelvis to pelvis, the bone that carries the arms to its like, head to head, and what lies between by
-its share of the way.
+Limbs are matched by a monotone alignment of their bones' lengths, in units of the leg's length. A bone may match
+several (a forearm split for its twist), or none at a limb's ends (a clavicle, toes). Spines are matched by position:
+pelvis to pelvis, the bone that the arms hang on to its counterpart, head to head, and bones between by their fraction
+of the way.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ SPINE = BODY_GROUPS.index("spine")
 LIMBS = tuple(group for group in range(len(BODY_GROUPS)) if group != SPINE)
 ARMS = tuple(BODY_GROUPS.index(name) for name in ("left_arm", "right_arm"))
 LEGS = tuple(BODY_GROUPS.index(name) for name in ("left_leg", "right_leg"))
-_SKIP = 0.4  # what a bone without an answer at a limb's end costs, beside |log| of ratios of lengths
-_SPLIT = 0.4  # what each further bone of a split one costs
+_SKIP = 0.4  # cost of an unmatched bone at a limb's end; a match costs |log| of the ratio of lengths
+_SPLIT = 0.4  # cost of each further bone matched to the same one
 
 
 class Piece(NamedTuple):
-    """Bones of one limb that answer to each other, each tuple in order down the limb."""
+    """Bones of one limb that match each other; each tuple in order down the limb."""
 
     source: tuple[int, ...]
     target: tuple[int, ...]
@@ -34,7 +34,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class Spine:
-    """A spine's bones and their places: 0 at the pelvis, 1 at the bone that carries the arms, 2 at the head."""
+    """A spine's bones and their positions: 0 at the pelvis, 1 at the bone that the arms hang on, 2 at the head."""
 
     bones: tuple[int, ...]
     places: np.ndarray
@@ -43,7 +43,7 @@ class Spine:
 def bones_of(skeleton: Skeleton, group: int) -> tuple[int, ...]:
     """The sampled bones of a body group, parents before children.
 
-    Raises: InputError where the group has none.
+    Raises: InputError if the group has none.
     """
     bones = tuple(int(bone) for bone in np.flatnonzero((skeleton.groups == group) & skeleton.sampled))
     if not bones:
@@ -55,14 +55,14 @@ def bones_of(skeleton: Skeleton, group: int) -> tuple[int, ...]:
 
 
 def match_limb(source: Skeleton, target: Skeleton, group: int) -> tuple[Piece, ...]:
-    """The answering bones of a limb. Bones of the target that no piece names have no answer."""
+    """The matching bones of a limb. A bone of the target that is in no piece has no match."""
     theirs, ours = bones_of(source, group), bones_of(target, group)
     pairs = _align(_in_legs(source, theirs), _in_legs(target, ours))
     return tuple(Piece(tuple(theirs[i] for i in some), tuple(ours[j] for j in others)) for some, others in pairs)
 
 
 def _in_legs(skeleton: Skeleton, bones: tuple[int, ...]) -> tuple[float, ...]:
-    """Lengths of bones as shares of a leg's, so that figures of any size compare."""
+    """Lengths of bones in units of the leg's length, so that bodies of any size compare."""
     leg = np.mean([bone_lengths(skeleton, bones_of(skeleton, leg)).sum() for leg in LEGS])
     return tuple(float(length) for length in np.maximum(bone_lengths(skeleton, bones) / leg, 1e-4))
 
@@ -73,7 +73,7 @@ def bone_lengths(skeleton: Skeleton, bones: tuple[int, ...]) -> np.ndarray:
 
 
 def size_ratio(source: Skeleton, target: Skeleton) -> float:
-    """The target's legs over the source's: the two longest answering bones of each leg, thigh and shin."""
+    """Length of the target's legs over the source's: of each leg the two longest matching bones, thigh and shin."""
     lengths = []
     for leg in LEGS:
         pieces = match_limb(source, target, leg)
@@ -84,14 +84,14 @@ def size_ratio(source: Skeleton, target: Skeleton) -> float:
 
 
 def _align(source: tuple[float, ...], target: tuple[float, ...]) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """The cheapest monotone alignment of two rows of lengths."""
+    """The monotone alignment of two lists of lengths with the least cost."""
 
     @cache
     def best(i: int, j: int, begun: bool) -> tuple[float, tuple]:
         if i == len(source) or j == len(target):
             return _SKIP * (len(source) - i + len(target) - j), ()
         choices: list[tuple[float, tuple]] = []
-        if not begun:  # bones at the limb's beginning may have no answer
+        if not begun:  # bones at the limb's beginning may have no match
             for a, b in ((i + 1, j), (i, j + 1)):
                 cost, pieces = best(a, b, False)
                 choices.append((cost + _SKIP, pieces))
@@ -108,7 +108,7 @@ def _align(source: tuple[float, ...], target: tuple[float, ...]) -> list[tuple[t
 
 
 def spine_of(skeleton: Skeleton) -> Spine:
-    """The bones of the spine and where on it each lies."""
+    """The bones of the spine and the position of each."""
     bones = _spine_bones(skeleton)
     carrier = bones.index(carrier_of(skeleton))
     lengths = bone_lengths(skeleton, bones)
@@ -123,7 +123,7 @@ def spine_of(skeleton: Skeleton) -> Spine:
 
 
 def carrier_of(skeleton: Skeleton) -> int:
-    """The bone of the spine that the arms hang on; the higher one where they hang on two."""
+    """The bone of the spine that the arms hang on; the higher one if they hang on two."""
     spine = _spine_bones(skeleton)
     found = []
     for arm in ARMS:
@@ -135,4 +135,6 @@ def carrier_of(skeleton: Skeleton) -> int:
 
 
 def _spine_bones(skeleton: Skeleton) -> tuple[int, ...]:
-    return tuple(sorted({skeleton.root, *bones_of(skeleton, SPINE)}))  # the pelvis turns, be it a bone or none
+    return tuple(
+        sorted({skeleton.root, *bones_of(skeleton, SPINE)})
+    )  # the pelvis turns, whether or not it has a bone

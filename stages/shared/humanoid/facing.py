@@ -1,7 +1,7 @@
-"""Which way a body looks, told by its poses alone: toes, knees, elbows, hands, and the way it walks.
+"""The forward direction of a body, found from its poses alone: toes, knees, elbows, hands, and the way it walks.
 
-From it follow left and right where names do not tell them, since left is up x forward. Everything is measured in the
-body's own frame, so that a world that is turned, or local axes that mean nothing, change no result.
+It determines left and right if names do not state them, since left is up x forward. Everything is measured in the
+body's own frame, so that a turned world or arbitrary local axes do not change the result.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import numpy as np
 
 from stages.shared.humanoid.body_groups import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, SPINE, BodyParts
 
-# How much each sign is trusted; docs/formats.md has how often each is right on real clips.
+# Weight of each sign; docs/formats.md states how often each is right on real clips.
 _WEIGHTS = {"toes": 6.0, "knees": 4.0, "elbows": 1.0, "hands": 0.7, "walking": 1.0}
 SIGNS = tuple(_WEIGHTS)
-_LEAST_SPEED = 0.35  # leg lengths a second; below, one does not walk
+_LEAST_SPEED = 0.35  # leg lengths per second; a slower body is not walking
 
 
 @dataclass(frozen=True)
 class BodyPoses:
     """A body in F poses, any unit, any axes.
 
-    heads: (F, J, 3) joints. tips: (F, J, 3) where bones end; NaN where nothing tells it (a leaf without End Site).
-    spacing_s: seconds from one pose to the next; 0 where they are no row in time.
+    heads: (F, J, 3) joints. tips: (F, J, 3) ends of bones; NaN where unknown (a leaf without End Site).
+    spacing_s: seconds from one pose to the next; 0 if they are not consecutive.
     """
 
     heads: np.ndarray
@@ -33,12 +33,12 @@ class BodyPoses:
 
 @dataclass(frozen=True)
 class Facing:
-    """How a body looks.
+    """The directions of a body, and the signs that support them.
 
     forward, left, up: (F, 3) unit vectors of the body in each pose.
-    signs:   by sign ("toes", "knees", ...), -1 to 1: how clearly it says that left and right are as labelled
-             (positive) or swapped (negative).
-    balance: all of them, weighted, -1 to 1; 0 where nothing tells.
+    signs:   by sign ("toes", "knees", ...), -1 to 1: positive if it indicates that left and right are as labelled,
+             negative if it indicates that they are swapped.
+    balance: weighted mean of the signs, -1 to 1; 0 if there are none.
     """
 
     forward: np.ndarray
@@ -49,8 +49,10 @@ class Facing:
 
 
 def bone_tips(heads: np.ndarray, rotations: np.ndarray, tails: np.ndarray, told: np.ndarray) -> np.ndarray:
-    """(F, J, 3) where bones end, of heads (F, J, 3), global rotations (F, J, 4) xyzw, and tails (J, 3); NaN where
-    `told` (J,) says that the tail is a guess."""
+    """(F, J, 3) ends of bones, from heads (F, J, 3), global rotations (F, J, 4) xyzw and tails (J, 3).
+
+    NaN where `told` (J,) is False, since the tail is a guess there.
+    """
     vector, scalar = rotations[..., :3], rotations[..., 3:]
     twice = 2.0 * np.cross(vector, tails)
     tips = heads + tails + scalar * twice + np.cross(vector, twice)
@@ -58,7 +60,7 @@ def bone_tips(heads: np.ndarray, rotations: np.ndarray, tails: np.ndarray, told:
 
 
 def find_facing(poses: BodyPoses, parts: BodyParts) -> Facing:
-    """Forward, left and up of a body whose groups are known, and how its poses bear out which side is left."""
+    """Forward, left and up of a body whose groups are known, and the signs for which side is left."""
     up, left = _trunk_axes(poses.heads, parts)
     forward = _unit(np.cross(left, up))
     signs: dict[str, float] = {}
@@ -78,8 +80,11 @@ def find_facing(poses: BodyPoses, parts: BodyParts) -> Facing:
 
 
 def find_sides(poses: BodyPoses, parts: BodyParts) -> tuple[BodyParts, Facing]:
-    """Parts whose left and right are a guess, put right: arms to the side of their legs, then both by where the body
-    looks. Where nothing tells, the guess stays."""
+    """The parts with left and right found from the poses, for parts whose sides are a guess.
+
+    First the arms are put on the same side as the legs, then both sides are chosen by the forward direction. Without
+    any sign the guess is kept.
+    """
     firsts, seconds = _beginnings(poses.heads, parts)
     up = _unit((firsts[LEFT_ARM] + firsts[RIGHT_ARM] - firsts[LEFT_LEG] - firsts[RIGHT_LEG]) / 2)
     across = [_across(firsts, seconds, *pair) for pair in ((LEFT_LEG, RIGHT_LEG), (LEFT_ARM, RIGHT_ARM))]
@@ -94,11 +99,14 @@ def find_sides(poses: BodyPoses, parts: BodyParts) -> tuple[BodyParts, Facing]:
 
 
 def stands_on_four_feet(heads: np.ndarray, rest: np.ndarray, parts: BodyParts) -> bool:
-    """Whether a body is one of a four-footed animal: in hardly any pose do its legs run on from the trunk, and its
-    arms hang beside the legs, nearly as long.
+    """Whether a body stands on four feet, as an animal does.
+
+    In more than nine poses of ten its legs do not continue the line of the trunk, and its arms are parallel to the
+    legs and nearly as long.
 
     Args:
-        heads: (F, J, 3) joints in some poses. rest: (J, 3) joints at zero rotations; a standing man there settles it.
+        heads: (F, J, 3) joints in some poses.
+        rest: (J, 3) joints at zero rotations; if they form an upright standing pose, the result is False.
     """
     upright, _, _ = _posture(rest[None], parts)
     if upright[0] > 0.8 and all(_straightness(rest, parts.chains[g]) > 0.8 for g in (SPINE, LEFT_LEG, RIGHT_LEG)):
@@ -108,14 +116,16 @@ def stands_on_four_feet(heads: np.ndarray, rest: np.ndarray, parts: BodyParts) -
 
 
 def _straightness(rest: np.ndarray, chain: tuple[int, ...]) -> float:
-    """Distance from the first joint to the last, as a share of the way along it; a meaningless pose zigzags."""
+    """Distance from the first joint to the last, over the length along the chain; low for a meaningless pose."""
     along = np.linalg.norm(np.diff(rest[list(chain)], axis=0), axis=-1).sum()
     return float(np.linalg.norm(rest[chain[-1]] - rest[chain[0]]) / along) if along > 0 else 1.0
 
 
 def _posture(heads: np.ndarray, parts: BodyParts) -> tuple[np.ndarray, np.ndarray, float]:
-    """(F,) cosine between the trunk and the legs' way up, (F,) cosine between arms and legs, and arms' to legs'
-    length, from shoulder to hand and from hip to foot."""
+    """(F,) cosine between trunk and legs (both upwards), (F,) cosine between arms and legs, ratio of their lengths.
+
+    The ratio is the arms' length from shoulder to hand over the legs' from hip to foot.
+    """
     ends = {group: heads[:, parts.chains[group][-1]] - heads[:, parts.chains[group][0]] for group in range(1, 5)}
     legs, arms = ends[LEFT_LEG] + ends[RIGHT_LEG], ends[LEFT_ARM] + ends[RIGHT_ARM]
     firsts, _ = _beginnings(heads, parts)
@@ -126,13 +136,13 @@ def _posture(heads: np.ndarray, parts: BodyParts) -> tuple[np.ndarray, np.ndarra
 
 
 def knee_of(limb: np.ndarray) -> int:
-    """Index, in a limb's points (F, K, 3) from its first joint to its tip, of the knee or elbow: midway along it."""
+    """Index of the knee or elbow in a limb's points (F, K, 3), first joint to tip: the one nearest the middle."""
     along = _arc(limb)
     return 1 + int(np.abs(along[1:-1] - along[-1] / 2).argmin()) if limb.shape[1] > 2 else 0
 
 
 def ankle_of(limb: np.ndarray) -> int:
-    """Index of the joint below the knee that lies farthest off the line from knee to tip: the heel of the L."""
+    """Index of the ankle or wrist: the joint below the knee that is farthest off the line from knee to tip."""
     knee = knee_of(limb)
     if limb.shape[1] - knee < 3:
         return limb.shape[1] - 1
@@ -149,7 +159,7 @@ def _trunk_axes(heads: np.ndarray, parts: BodyParts) -> tuple[np.ndarray, np.nda
     flat = np.linalg.norm(up, axis=-1) < 1e-6 * max(float(np.abs(heads).max()), 1e-9)
     up[flat] = (heads[:, parts.chains[SPINE][-1]] - hips)[flat]
     up = _unit(up)
-    # Hips and shoulders twist against each other; together they tell the trunk's width, also where one has none.
+    # Hips and shoulders twist against each other; their sum gives the trunk's direction even if one has no width.
     across = _across(firsts, seconds, LEFT_LEG, RIGHT_LEG)
     across = across + _across(firsts, seconds, LEFT_ARM, RIGHT_ARM)
     left = _unit(across - (across * up).sum(-1, keepdims=True) * up)
@@ -157,19 +167,22 @@ def _trunk_axes(heads: np.ndarray, parts: BodyParts) -> tuple[np.ndarray, np.nda
 
 
 def _beginnings(heads: np.ndarray, parts: BodyParts) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
-    """(F, 3) first and second joint of every limb, by group."""
+    """(F, 3) first joint, and (F, 3) second joint, of every limb, by group."""
     chains = {group: parts.chains[group] for group in range(LEFT_ARM, RIGHT_LEG + 1)}
     return {g: heads[:, c[0]] for g, c in chains.items()}, {g: heads[:, c[:2][-1]] for g, c in chains.items()}
 
 
 def _across(firsts: dict[int, np.ndarray], seconds: dict[int, np.ndarray], left: int, right: int) -> np.ndarray:
-    """From the right limb's beginning to the left one's; its first two joints, since the first may lie on the midline
-    (collars that begin at the breastbone)."""
+    """Vector from the right limb's beginning to the left one's.
+
+    Of each limb the first two joints are used, since the first may lie on the midline (collars that begin at the
+    breastbone).
+    """
     return _unit(firsts[left] - firsts[right] + seconds[left] - seconds[right])
 
 
 def _limb(poses: BodyPoses, parts: BodyParts, group: int) -> np.ndarray:
-    """(F, K, 3) a limb's joints and, where it is known, its tip."""
+    """(F, K, 3) a limb's joints and, if it is known, its tip."""
     chain = list(parts.chains[group])
     tip = poses.tips[:, chain[-1:]]
     points = poses.heads[:, chain]
@@ -183,14 +196,14 @@ def _arc(limb: np.ndarray) -> np.ndarray:
 
 
 def _off_line(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """(F, K, 3) how points (F, K, 3) lie off the lines from start to end (F, 3)."""
+    """(F, K, 3) perpendicular offsets of points (F, K, 3) from the lines from start to end (F, 3)."""
     along = _unit(end - start)[:, None]
     away = points - start[:, None]
     return away - (away * along).sum(-1, keepdims=True) * along
 
 
 def _bend(limb: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """(F,) how far, in limb lengths, the knee lies before the line from hip to ankle (negative: behind)."""
+    """(F,) how far the knee is in front of the line from hip to ankle, in limb lengths (negative: behind)."""
     if limb.shape[1] < 3:
         return np.zeros(len(limb))
     knee, ankle = knee_of(limb), ankle_of(limb)
@@ -202,7 +215,7 @@ def _bend(limb: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def _toes(leg: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """(F,) -1 to 1: how far the foot points before the shin."""
+    """(F,) -1 to 1: how far the foot points forward of the shin."""
     knee, ankle = knee_of(leg), ankle_of(leg)
     if ankle >= leg.shape[1] - 1 or ankle <= knee:
         return np.zeros(len(leg))
@@ -212,7 +225,7 @@ def _toes(leg: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def _walk(poses: BodyPoses, parts: BodyParts, forward: np.ndarray, size: float) -> np.ndarray:
-    """(F,) cosine between the way the pelvis moves and forward, times how sure it is that one walks."""
+    """(F,) cosine between the pelvis' velocity and forward, times the certainty that the body is walking."""
     frames = len(poses.heads)
     if frames < 2 or poses.spacing_s <= 0 or size <= 0:
         return np.zeros(frames)
@@ -223,7 +236,7 @@ def _walk(poses: BodyPoses, parts: BodyParts, forward: np.ndarray, size: float) 
 
 
 def _add(signs: dict[str, float], name: str, votes: list[np.ndarray], scale: float) -> None:
-    """Keep the mean of a sign's votes, pressed into -1 to 1."""
+    """Store the mean of a sign's values, compressed to -1 to 1."""
     signs[name] = float(np.tanh(np.mean([vote.mean() for vote in votes]) / scale))
 
 

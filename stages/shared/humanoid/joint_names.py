@@ -1,8 +1,8 @@
-"""What joint names say: side, part of the body, and whether the joint is a finger, a face part or a helper.
+"""The meaning of joint names: side, part of the body, and whether the joint is a finger, a face part or a helper.
 
 Covers the spellings of LaFAN1, CMU (BVH and ASF), DAZ, Mixamo, Xsens, Rokoko, 3ds Max Biped, Unreal, VRM, SMPL,
-Vicon, Bandai Namco, Character Creator, URDF robots, and German and Japanese names; a name that says nothing is no
-fault, `stages.shared.humanoid.body_groups` then goes by topology.
+Vicon, Bandai Namco, Character Creator, URDF robots, and German and Japanese names. A name need not have a meaning:
+`stages.shared.humanoid.body_groups` then uses topology.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _VICON = re.compile(rf"^([LR])({'|'.join(VICON_SEGMENTS)})$")
 
 class NameSense(NamedTuple):
     """side: "left", "right" or "". part: "leg", "arm", "hip", "head", "neck", "trunk", "finger", "face", "end",
-    "helper" or "". middle: True for a middle finger. thumb: True for a thumb. words: what is left of the name without
-    its side, in lower case: equal for the two joints of a pair."""
+    "helper" or "". middle: True for a middle finger. thumb: True for a thumb. words: the name without its side, in
+    lower case: equal for the two joints of a pair."""
 
     side: str
     part: str
@@ -46,9 +46,9 @@ class NameSense(NamedTuple):
 
 @lru_cache(maxsize=4096)
 def sense_of(name: str) -> NameSense:
-    """What a joint's name says of it."""
+    """The meaning of a joint's name."""
     bare = re.sub(r"^mixamorig\d*_?", "", name.rsplit(":", 1)[-1])
-    if _VERTEBRA.search(bare):  # Xsens' L5, L3, T12, T8: no left leg
+    if _VERTEBRA.search(bare):  # Xsens' vertebrae L5, L3, T12, T8: L is not "left" here
         return NameSense("", "trunk", words=("vertebra", bare.lower()))
     vicon = _VICON.match(bare)
     if vicon:
@@ -71,12 +71,12 @@ def sense_of(name: str) -> NameSense:
 
 
 def has_a_tail(names: tuple[str, ...]) -> bool:
-    """Whether some joint is named a tail: an animal's, if its posture says so too."""
+    """Whether a joint is named a tail, a sign of an animal (callers also check the posture)."""
     return any("tail" in sense_of(name).words for name in names)
 
 
 def _in_latin(name: str) -> str:
-    """The name with Japanese words in English and German umlauts spelled out."""
+    """The name with Japanese words translated and German umlauts spelled out."""
     if name.isascii():
         return name
     name = unicodedata.normalize("NFKC", name).translate(_UMLAUTS)
@@ -86,7 +86,7 @@ def _in_latin(name: str) -> str:
 
 
 def _split_side(word: str) -> tuple[str, str]:
-    """Side written into the word itself: "lfemur", "leftupleg", "handlinks". Only where the rest is a known word."""
+    """The side that is part of a word ("lfemur", "leftupleg", "handlinks"), if the rest is a known word."""
     for written, side in _JOINED_SIDES:
         known = _part_of([word]) if len(written) == 1 else ""
         if word.startswith(written) and len(word) > len(written) + 2:
@@ -99,7 +99,7 @@ def _split_side(word: str) -> tuple[str, str]:
 
 
 def _same_start(word: str, known: str) -> bool:
-    """True for words that begin with l or r by themselves ("leg", "ring", "radius", "little", "lowerarm", "lips")."""
+    """True for words whose own first letter is l or r ("leg", "ring", "radius", "little", "lowerarm", "lips")."""
     return bool(known) and _OWN_START.match(word) is not None
 
 

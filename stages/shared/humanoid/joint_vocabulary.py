@@ -1,9 +1,9 @@
-"""The words that joint names are made of: which part of the body each means, in English, German and Japanese."""
+"""The words of joint names and the part of the body that each means, in English, German and Japanese."""
 
 from __future__ import annotations
 
-# Part, words that are it outright, and longer words that may stand inside another ("lefthand", "forearm").
-# Tried in this order: a finger's name often holds the hand's, a toe's the foot's.
+# Part, words that must match whole, and longer words that may be part of another ("lefthand", "forearm").
+# Tried in this order, since a finger's name often contains the hand's, and a toe's the foot's.
 PARTS = tuple(
     (part, frozenset(whole.split()), tuple(inside.split()))
     for part, whole, inside in (
@@ -50,13 +50,13 @@ PARTS = tuple(
     )
 )
 
-# Vicon's segments in two letters after the side's: LFE is the left femur. Matched whole, in capitals.
+# Vicon's segments: two letters after the letter of the side (LFE is the left femur). Matched whole, in capitals.
 VICON_SEGMENTS = {
     "FE": "femur", "TI": "tibia", "FO": "foot", "TO": "toes", "CL": "clavicle", "HU": "humerus", "RA": "radius",
     "HN": "hand",
 }  # fmt: skip
 
-# Japanese words, as MikuMikuDance and studios write them, the longest first; they stand without blanks between.
+# Japanese words in the spelling of MikuMikuDance and studios, the longest first, since names have no blanks.
 JAPANESE = tuple(
     sorted(
         {

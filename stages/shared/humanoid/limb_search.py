@@ -1,7 +1,8 @@
-"""Two legs and two arms found on a bare tree of bones, without names; or why it is no humanoid.
+"""Finding two legs and two arms on a tree of bones without names, or the reason why it is not a humanoid.
 
-A pair of limbs is two branches of one joint that are alike and unlike their other siblings. A humanoid has two such
-pairs, one above the other: legs where the tree begins, arms further on where a head branches off too.
+A pair of limbs is two branches of one joint that are similar to each other and different from their other siblings. A
+humanoid has two such pairs, one above the other: legs near the root of the tree, arms further on, where the head also
+branches off.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ _ARM_TO_LEG = (0.3, 1.6)
 
 @dataclass(frozen=True)
 class LimbPair:
-    """Two alike branches `first` and `second` of the joint `above`.
+    """Two similar branches `first` and `second` of the joint `above`.
 
-    length: of the shorter one. value: length times likeness. twins: how many branches of `above` are alike, these
-    two included."""
+    length: of the shorter branch. value: length times similarity. twins: number of similar branches of `above`,
+    including these two.
+    """
 
     first: int
     second: int
@@ -34,7 +36,7 @@ class LimbPair:
 
 @dataclass(frozen=True)
 class FourLimbs:
-    """Legs and arms, sides unknown. sure: 0 to 1, how far they stand out against any other choice."""
+    """Legs and arms, sides unknown. sure: 0 to 1, margin over the next best choice."""
 
     legs: LimbPair
     arms: LimbPair
@@ -42,7 +44,7 @@ class FourLimbs:
 
 
 def find_four_limbs(tree: JointTree, names: Sequence[str]) -> FourLimbs | str:
-    """The limbs of a humanoid, or the reason why it is none, as the end of a sentence that begins "it ..."."""
+    """The limbs of a humanoid, or the reason why there are none, as the end of a sentence that begins with "it"."""
     pairs = _pairs_of(tree)
     found = [(legs.value + arms.value, legs, arms) for legs, arms in _combinations(tree, pairs)]
     if not found:
@@ -51,7 +53,7 @@ def find_four_limbs(tree: JointTree, names: Sequence[str]) -> FourLimbs | str:
     best, legs, arms = found[0]
     third = _third_pair(tree, pairs, legs, arms)
     if third is not None:
-        return f"has more than two pairs of limbs: one more leaves {names[third.above]}"
+        return f"has more than two pairs of limbs: there is another one at {names[third.above]}"
     rivals = [value for value, *pair in found[1:] if {id(p) for p in pair} != {id(legs), id(arms)}]
     return FourLimbs(legs, arms, 1.0 - 0.8 * max(rivals, default=0.0) / best)
 
@@ -72,18 +74,18 @@ def _pairs_of(tree: JointTree) -> list[LimbPair]:
 
 
 def _likeness(tree: JointTree, a: int, b: int) -> float:
-    """0 to 1: how alike two branches are in length and build."""
+    """0 to 1: similarity of two branches in length and structure."""
     shorter, longer = sorted((tree.branch_length(a), tree.branch_length(b)))
     smaller, larger = sorted((tree.sizes[a], tree.sizes[b]))
     if longer <= 0 or shorter < _LEAST_LENGTH_RATIO * longer or smaller < _LEAST_SIZE_RATIO * larger:
         return 0.0
     chains = sorted((tree.limb_joints[a], tree.limb_joints[b]))
-    leaves = sorted((tree.leaves[a], tree.leaves[b]))  # a trunk is as long as a leg, but ends in more places
+    leaves = sorted((tree.leaves[a], tree.leaves[b]))  # a trunk is as long as a leg, but has more leaves
     return shorter / longer * (smaller / larger * leaves[0] / leaves[1]) ** 0.5 * (chains[0] / chains[1])
 
 
 def _combinations(tree: JointTree, pairs: list[LimbPair]) -> list[tuple[LimbPair, LimbPair]]:
-    """(legs, arms) for every two pairs of which one can be the legs and the other the arms of one body."""
+    """(legs, arms) for each two pairs that can be the legs and the arms of one body."""
     out = []
     longest = sorted(pairs, key=lambda pair: -pair.value)[:40]
     insides = {id(pair): {*tree.subtree(pair.first), *tree.subtree(pair.second)} for pair in longest}
@@ -102,8 +104,10 @@ def _combinations(tree: JointTree, pairs: list[LimbPair]) -> list[tuple[LimbPair
 
 
 def _is_above(tree: JointTree, near: LimbPair, near_line: set[int], far_line: set[int]) -> bool:
-    """Whether the near pair's joint is where the way to the far pair begins, or a short bone beside that place: a
-    pelvis that is a branch of its own below the hips."""
+    """Whether the path to the far pair begins at the near pair's joint, or at the parent of a short bone to it.
+
+    The latter is a pelvis that is a branch of its own below the hips.
+    """
     if near.above in far_line:
         return near_line != far_line
     meeting = max(near_line & far_line)
@@ -112,9 +116,9 @@ def _is_above(tree: JointTree, near: LimbPair, near_line: set[int], far_line: se
 
 
 def _legs_and_arms(tree: JointTree, near: LimbPair, far: LimbPair) -> tuple[LimbPair, LimbPair]:
-    """Which of two pairs are the legs: those nearer to the tree's first joint, unless that joint sits in the chest.
+    """Order two pairs as (legs, arms): the legs are nearer to the tree's first joint, unless it is in the chest.
 
-    Then nothing else leaves the far pair's joint (the pelvis), while a head leaves the near one's.
+    In that case the far pair's joint (the pelvis) has no other branch, while the near one's has the head.
     """
     onward = next((joint for joint in tree.ancestors(far.above) if tree.parents[joint] == near.above), None)
     if onward is None:
@@ -126,13 +130,13 @@ def _legs_and_arms(tree: JointTree, near: LimbPair, far: LimbPair) -> tuple[Limb
 
 
 def _beside(tree: JointTree, pair: LimbPair, onward: int) -> float:
-    """Length of the longest branch that leaves the pair's joint beside the pair and the way onward."""
+    """Length of the longest branch of the pair's joint besides the pair and the path to the other pair."""
     rest = [c for c in tree.children[pair.above] if c not in (pair.first, pair.second, onward)]
     return max((tree.branch_length(child) for child in rest if not tree.skipped[child]), default=0.0)
 
 
 def _third_pair(tree: JointTree, pairs: list[LimbPair], legs: LimbPair, arms: LimbPair) -> LimbPair | None:
-    """Another pair about as long as the limbs, which is part of neither: an insect's, a winged being's."""
+    """Another pair that is about as long as the limbs and part of neither, such as an insect's or wings."""
     taken = {j for pair in (legs, arms) for first in (pair.first, pair.second) for j in tree.subtree(first)}
     least = 0.75 * min(legs.length, arms.length)
     for pair in pairs:
@@ -155,8 +159,8 @@ def _reason(tree: JointTree, pairs: list[LimbPair], names: Sequence[str]) -> str
     if fans:
         widest = max(fans, key=lambda pair: (pair.twins, pair.value))
         if widest.length > 0.3 * max(pair.length for pair in pairs):
-            kind = f"{widest.twins} branches of one kind at {names[widest.above]}"
-            return f"has {kind}, as a hand, a spider or a table has"
+            kind = f"{widest.twins} similar branches at {names[widest.above]}"
+            return f"has {kind}, like a hand, a spider or a table"
     if not pairs:
-        return "has no two branches that are alike"
+        return "has no two branches that are similar"
     return "has only one pair of limbs" if len({pair.above for pair in pairs}) == 1 else "has no arms above its legs"

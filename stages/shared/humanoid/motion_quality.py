@@ -1,6 +1,6 @@
-"""What may be wrong with a recording, told by the recording alone; cheap enough for every ingest.
+"""Measures of what may be wrong with a recording, from the recording alone; fast enough for every ingest.
 
-The figures become columns of the clip index (`data_schemas.quality` says what each means), to be filtered by.
+They become columns of the clip index, by which clips can be filtered. `data_schemas.quality` defines each of them.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from stages.shared.humanoid.bone_matching import ARMS, LEGS, bones_of
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, floor_levels, foot_skate_mps
 from stages.shared.kinematics.playback_speed import SUSPECT, log_speed
 
-STILL_MPS = 0.01  # a body of which no joint moves faster stands still
-HUMAN_RAD_PER_S = 45.0  # faster than a pitcher's forearm beside the body's own turn
-FLIP_RAD = 2.0  # between two frames: an axis that turned over
-T_POSE_RAD = 0.35  # arms this near to straight out sideways, the body still
+STILL_MPS = 0.01  # a body is still if no joint moves faster
+HUMAN_RAD_PER_S = 45.0  # faster than a pitcher's forearm, without the turn of the body
+FLIP_RAD = 2.0  # between two frames: an axis that flipped
+T_POSE_RAD = 0.35  # largest angle between the arms and straight out sideways, while the body is still
 FACING_FRAMES = 32
-LEAST_S = 0.5  # of a T-pose or of standing still, to count
+LEAST_S = 0.5  # shortest T-pose or stillness that is counted
 
 
 def measure_quality(
     skeleton: Skeleton, motion: Motion, positions: np.ndarray, repaired_frames: int = 0
 ) -> MotionQuality:
-    """All figures of one clip.
+    """All measures of one clip.
 
     Args:
-        positions: (T, J, 3) its joints in the world, metres: readers have them at hand, and need no torch for them.
-        repaired_frames: how many its reader had to repair.
+        positions: (T, J, 3) its joints in the world, metres; passed in, since readers compute them without torch.
+        repaired_frames: number of frames that its reader repaired.
     """
     body = np.flatnonzero((skeleton.groups >= 0) & skeleton.sampled)
     turned = _turns(motion.rotations[:, body])
@@ -59,7 +59,7 @@ def _turns(rotations: np.ndarray) -> np.ndarray:
 
 
 def _still(positions: np.ndarray, fps: float) -> np.ndarray:
-    """(T,) frames in long stretches in which no joint moves."""
+    """(T,) bool: frames in stretches of `LEAST_S` or longer in which no joint moves."""
     speeds = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=-1).max(axis=1) * fps
     quiet = np.concatenate([speeds < STILL_MPS, [False]]) if len(speeds) else np.zeros(len(positions), bool)
     out = np.zeros(len(positions), bool)
@@ -81,7 +81,7 @@ def _repeated(motion: Motion) -> float:
 
 
 def _t_pose(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray, still: np.ndarray) -> bool:
-    """Whether in some still stretch both arms are straight and point away from each other along the hips' line."""
+    """Whether, in some still stretch, both arms are straight and point away from each other along the hips' line."""
     if not still.any():
         return False
     try:
@@ -97,7 +97,7 @@ def _t_pose(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray, st
 
 
 def _feet(skeleton: Skeleton, positions: np.ndarray, fps: float) -> tuple[float | None, float | None]:
-    """Foot skate, and how far the feet's lowest hundredth lies below the level on which they mostly stand."""
+    """Foot skate, and how far the feet's lowest percentile is below the level on which they mostly stand."""
     try:
         feet = find_feet(skeleton)
     except InputError:
@@ -115,9 +115,9 @@ def _feet(skeleton: Skeleton, positions: np.ndarray, fps: float) -> tuple[float 
 
 
 def _swapped(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray) -> bool:
-    """Whether toes and knees point backwards, as hips, chest and the names of left and right have it.
+    """Whether toes and knees point backwards, by the hips, the chest and the named sides.
 
-    A cheaper sign than `stages.shared.humanoid.facing`, which finds sides where nothing names them.
+    Faster than `stages.shared.humanoid.facing`, which finds the sides of joints without names.
     """
     try:
         legs = [bones_of(skeleton, leg) for leg in LEGS]

@@ -1,4 +1,4 @@
-"""Clips on rigs not theirs: to train with, so that a motion does not tell its skeleton, and to measure on such."""
+"""Clips retargeted to other rigs: to train with, so that motions do not identify their skeletons, and to measure."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.retargeting import retarget
 
-APART_RAD = np.radians(40)  # two reference poses further apart than this are no base to carry a motion over from
-_POSE_CLIPS, _POSES_EACH = 8, 25  # of a rig, to find a reference pose among
-_LONGEST = 1800  # frames of one clip that are carried over, from a place drawn at random
+APART_RAD = np.radians(40)  # largest distance between two reference poses from which a motion is retargeted
+_POSE_CLIPS, _POSES_EACH = 8, 25  # of a rig, from which its reference pose is chosen
+_LONGEST = 1800  # most frames of one clip that are retargeted, from a random start
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ def _poses(reader: MotionReader, rows: Sequence[ClipRow]) -> Motion:
 def on_another_rig(
     reader: MotionReader, row: ClipRow, motion: Motion, rigs: Rigs, seed: int, share: float = 1.0
 ) -> Iterator[tuple[ClipRow, Motion]]:
-    """The clip on a rig that is drawn for it, for `share` of all clips; nothing where it cannot be carried over.
+    """The clip on a random rig, for `share` of all clips; nothing if it cannot be retargeted.
 
-    What is drawn follows from the seed and the clip's name: the order of clips, and which others there are on the
-    same rigs, mean nothing.
+    The draw depends on the seed and the clip's name only, not on the order of clips or on which other clips there are
+    on the same rigs.
 
-    Yields: the row, named CLIP@RIG with its source and split as they were, and the motion, cut to at most a minute at
-        30 frames a second.
+    Yields: the row, named CLIP@RIG with its source and split unchanged, and the motion, cut to at most a minute at 30
+        frames a second.
     """
     rng = np.random.default_rng((seed, zlib.crc32(row.clip.encode("utf-8"))))
     others = [name for name in rigs.skeletons if name != row.skeleton]
@@ -67,7 +67,10 @@ def on_another_rig(
     part = motion.at(slice(start, start + _LONGEST))
     try:
         made = retarget(reader.skeleton(row.skeleton), part, rigs.skeletons[name], rigs.poses[name])
-    except (InputError, ValueError):  # a rig that lacks a limb, a figure folded to a point: this pair teaches nothing
+    except (
+        InputError,
+        ValueError,
+    ):  # this clip cannot be retargeted to this rig: the rig lacks a limb, or the body is folded to a point
         return
     if made.apart_rad <= APART_RAD and np.isfinite(made.motion.root_positions).all():
         yield replace(row, clip=f"{row.clip}@{name}", skeleton=name), made.motion

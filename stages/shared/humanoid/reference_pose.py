@@ -1,6 +1,6 @@
-"""What is read off a skeleton before it can be used: bones' tails, the unit, the up axis.
+"""What is found of a skeleton before it can be used: bones' tails, the unit, the up axis.
 
-The zero pose of a file need not be a human pose, so that up comes from the motion where it can; left and right are
+The zero pose of a file need not be a human pose, so the up axis comes from the motion if possible. Left and right are
 found in `stages.shared.humanoid.facing`.
 """
 
@@ -18,14 +18,14 @@ from stages.shared.humanoid.joint_names import sense_of
 LEAF_LENGTH_M = 0.1
 SHORTEST_BONE_M = 1e-3
 PLAUSIBLE_STATURE_M = (0.7, 2.6)
-# Metres in a unit, most usual first; 0.0564 is CMU's own (inches divided by 0.45).
+# Metres in a unit, the most common first; 0.0564 is CMU's (inches divided by 0.45).
 _DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
 _OTHER_UNITS = (0.0254, 0.0254 / 0.45, 0.3048)
 _Z_UP_TO_Y_UP = Rotation.from_euler("x", -90, degrees=True)
 
 
 def turn_to_y_up(up_axis: str) -> Rotation | None:
-    """The rotation that takes a source's world to Y up; None where it is Y up already."""
+    """The rotation from a source's world to Y up; None if it is Y up already."""
     return _Z_UP_TO_Y_UP if up_axis == "z" else None
 
 
@@ -37,12 +37,12 @@ def bone_tails(
     parts: BodyParts,
     leaf_length: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Tail of every bone of the body and whether it lies on a main chain.
+    """Tail of every bone of the body and whether it is on a main chain.
 
     Args:
-        offsets: (J, 3) heads in the parents' frames; end_sites: (J, 3), zeros where there is none.
-        leaf_length: length given to a leaf that has no usable end site, in the offsets' unit.
-    Returns: tails (J, 3) in the joints' own frames, zeros where there is no bone; on_chain (J,) bool.
+        offsets: (J, 3) heads in the parents' frames. end_sites: (J, 3), zeros if there is none.
+        leaf_length: length of a leaf without a usable end site, in the offsets' unit.
+    Returns: tails (J, 3) in the joints' own frames, zeros if there is no bone; on_chain (J,) bool.
     """
     joints = len(names)
     tails = np.zeros((joints, 3))
@@ -70,7 +70,7 @@ def _leaf_tail(
     end_sites: np.ndarray,
     leaf_length: float,
 ) -> np.ndarray:
-    """Where a main chain's last bone ends: a hand at its middle finger, head and toes at end joint or end site."""
+    """The end of a main chain's last bone: a hand's at its middle finger, head's and toes' at end joint or site."""
     usable = SHORTEST_BONE_M / LEAF_LENGTH_M * leaf_length
     for wanted in ("end", "finger"):
         found = [child for child in children if sense_of(names[child]).part == wanted]
@@ -96,9 +96,9 @@ def stature_of(offsets: np.ndarray, parts: BodyParts) -> float:
 
 
 def find_unit(stature: float) -> tuple[float, str | None]:
-    """Metres in one unit of the file, and a note where it is a guess.
+    """Metres in one unit of the file, and a note if it is a guess.
 
-    Raises: InputError where the skeleton has no size.
+    Raises: InputError if all bones have zero length.
     """
     if not stature > 0:
         raise InputError("The skeleton's bones have no length.", "Is its OFFSET data missing?")
@@ -108,16 +108,16 @@ def find_unit(stature: float) -> tuple[float, str | None]:
             return unit, None
     for unit in _OTHER_UNITS:
         if 1.1 <= stature * unit <= 2.1:
-            return unit, f"the unit is taken as {unit:.4g} m, which makes a stature of {stature * unit:.2f} m"
+            return unit, f"{unit:.4g} m is assumed, which gives a stature of {stature * unit:.2f} m"
     unit = 1.6 / stature
-    return unit, f"no usual unit makes a human of it; scaled so that legs and trunk measure 1.6 m (unit {unit:.4g} m)"
+    return unit, f"no common unit gives a human size, so {unit:.4g} m is used, which makes legs and trunk 1.6 m long"
 
 
 def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> str:
     """The source's up axis, "y" or "z".
 
     Args:
-        rest: (J, 3) joints at zero rotations, in the file's axes; counted only if it is a standing pose.
+        rest: (J, 3) joints at zero rotations, in the file's axes; used only if they form a standing pose.
         positions: (F, J, 3) joints in a few frames of the motion, file's axes.
     """
     feet = [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]
@@ -132,7 +132,7 @@ def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> s
     other = {"y": 2, "z": 1}[standing]
     leg = np.linalg.norm(positions[:, feet] - positions[:, hips], axis=-1).max()
     lowest = np.percentile(positions[:, feet, other], 5)
-    # The rest pose is overruled only by a body that stands on the other axis' floor, not by one that lies down.
+    # The motion overrides the rest pose only if the body stands upright along the other axis, not if it lies down.
     if upward[other] > 0.85 and abs(lowest) < 0.25 * leg:
         return "z" if other == 2 else "y"
     return standing

@@ -1,10 +1,10 @@
-"""A motion of one humanoid given to another, with no pose of the second but a reference pose.
+"""Retargeting: the motion of one humanoid on another one, of which only a reference pose is known.
 
-Both figures are brought into one pose: of the source's frames and of the target's own poses (its rest pose, and the
-frames of its file) the two that are most alike, and what is left of the difference is turned away bone by bone. From
-there on every bone of the target turns, in the world, as the bones of the source turn that answer to it.
+First a common reference pose is found: of the source's frames and the target's poses (its rest pose and the frames of
+its file) the two most similar ones, whose remaining difference is then removed bone by bone. From this pose on, every
+bone of the target turns, in the world, as the bones of the source that match it.
 
-Names mean nothing here; see `stages.shared.humanoid.bone_matching`. All rotations are global, xyzw, Y up; metres.
+Names are not used; see `stages.shared.humanoid.bone_matching`. All rotations are global, xyzw, Y up; metres.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ from stages.shared.humanoid.reference_pose import turn_to_y_up
 from stages.shared.kinematics.foot_contacts import find_feet, floor_levels
 from stages.shared.kinematics.forward import positions_of
 
-OWN_SHAPE_RAD = np.radians(25)  # clavicles, feet and hands that differ by less differ in build, not in pose
-NARROW_M = 0.03  # shoulders nearer to each other than this do not tell how the chest is turned
-CANDIDATES = 200  # of either figure, poses to choose the reference from
+OWN_SHAPE_RAD = np.radians(25)  # a smaller difference of clavicles, feet or hands is of build, not of pose
+NARROW_M = 0.03  # shoulders nearer to each other than this do not determine how the chest is turned
+CANDIDATES = 200  # poses of each body from which the reference is chosen
 UPRIGHT = 0.5  # least cosine between trunk and up, and between legs and down, of a usable rest pose
 
 
 @dataclass(frozen=True)
 class Retargeted:
-    """What came of it.
+    """A retargeted motion.
 
-    motion:       on the target skeleton, frames and rate of the source.
-    size:         the target's legs over the source's: how paths and heights are scaled.
-    centre:       (3,) the point of the source's world that they are scaled about: on its floor, where it starts.
-    lift_m:       how far the target was raised after that, so that its feet come as low as the source's.
-    source_frame: of the source, taken as reference. target_frame: of the target's file, or -1 for its rest pose.
-    apart_rad:    mean angle between answering limb bones of the two reference poses, before it was turned away.
+    motion:       on the target skeleton, with the frames and rate of the source.
+    size:         length of the target's legs over the source's, the factor of paths and heights.
+    centre:       (3,) centre of that scaling in the source's world: on its floor, where the motion starts.
+    lift_m:       how far the target was raised after that, so that its feet are as low as the source's.
+    source_frame: the source's reference frame. target_frame: that of the target's file, or -1 for its rest pose.
+    apart_rad:    mean angle between matching limb bones of the two reference poses, before it was removed.
     """
 
     motion: Motion
@@ -59,7 +59,7 @@ class Retargeted:
     apart_rad: float
 
     def in_targets_world(self, places: np.ndarray) -> np.ndarray:
-        """Places (..., 3) of the source's world, in the target's size."""
+        """Places (..., 3) of the source's world, scaled to the target's size."""
         return self.centre + self.size * (places - self.centre) + np.array([0.0, self.lift_m, 0.0])
 
 
@@ -96,7 +96,7 @@ class _Figure:
         return _frames(across, up)
 
     def neck(self) -> np.ndarray:
-        """(F, 3) unit, from where the neck begins to the head's joint, or to the top where there is no neck."""
+        """(F, 3) unit, from the neck's first joint to the head's, or to the top if there is no neck."""
         above = [bone for bone in spine_of(self.skeleton).bones if bone > carrier_of(self.skeleton)]
         if not above:
             return self.directions((carrier_of(self.skeleton),))
@@ -104,21 +104,22 @@ class _Figure:
 
 
 def _frames(left: np.ndarray, up: np.ndarray) -> Rotation:
-    """Right-handed axes with Y along `up` and X as near to `left` as can be; both (F, 3)."""
+    """Right-handed axes with Y along `up` and X as near to `left` as possible; both (F, 3)."""
     up = _unit(up)
     left = _unit(left - (left * up).sum(1, keepdims=True) * up)
     return Rotation.from_matrix(np.stack([left, up, np.cross(left, up)], axis=-1))
 
 
 def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion | None = None) -> Retargeted:
-    """Give a motion to another skeleton.
+    """Retarget a motion to another skeleton.
 
     Args:
-        source, motion: the figure that moves.
-        target: the figure that is to move.
-        poses: poses of the target to find a reference among, beside its rest pose; None for the rest pose alone.
+        source, motion: the skeleton and the motion to retarget.
+        target: the skeleton of the result.
+        poses: poses of the target that may be its reference, besides its rest pose; None for the rest pose alone.
 
-    Raises: InputError where the target's rest pose is no human pose and no other is given, or a figure lacks a limb.
+    Raises: InputError if the target's rest pose is not a human pose and `poses` has no better one, or if a skeleton
+        lacks a limb.
     """
     moving = _Figure(source, positions_of(source, motion), motion.rotations)
     pieces = {group: match_limb(source, target, group) for group in LIMBS}
@@ -139,14 +140,14 @@ def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion |
 
 
 def rest_pose(skeleton: Skeleton) -> Motion:
-    """One frame of the skeleton with no joint turned, Y up, joint 0 at the origin."""
+    """One frame of the skeleton at zero rotations, Y up, joint 0 at the origin."""
     turn = turn_to_y_up(skeleton.up_axis) or Rotation.identity()
     rotations = np.broadcast_to(turn.as_quat().astype(np.float32), (1, skeleton.joints, 4)).copy()
     return Motion(rotations, np.zeros((1, 3), np.float32), 30.0)
 
 
 def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
-    """Whether the first frame stands: trunk up, legs down."""
+    """Whether the body stands in the first frame: trunk up, legs down."""
     figure = _Figure(skeleton, positions_of(skeleton, pose)[:1], pose.rotations[:1])
     legs = np.stack([figure.directions(bones_of(skeleton, leg)[:2])[0] for leg in LEGS])
     spine = figure.directions(bones_of(skeleton, 0))[0]
@@ -154,7 +155,7 @@ def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
 
 
 def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_Figure, list[int]]:
-    """The target in every pose that may serve, and for each the frame it is, or -1 for the rest pose."""
+    """The target in every pose that may be its reference, and the frame of each; -1 for the rest pose."""
     candidates, names = [], []
     if is_human_pose(target, rest := rest_pose(target)):
         candidates.append((positions_of(target, rest), rest.rotations))
@@ -165,15 +166,15 @@ def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_Figure, l
         names += [int(frame) for frame in chosen]
     if not candidates:
         raise InputError(
-            "The rig's rest pose is no standing human, and there is no other pose of it to start from.",
-            "Give a BVH of the rig that has a frame of motion.",
+            "The rig's rest pose is not a standing human pose, and there is no other pose of it.",
+            "Give a BVH of the rig with at least one frame of motion.",
         )
     positions, rotations = (np.concatenate(parts) for parts in zip(*candidates, strict=True))
     return _Figure(target, positions, rotations), names
 
 
 def _most_alike(moving: _Figure, models: _Figure, pieces: dict[int, tuple[Piece, ...]]) -> tuple[int, int, float]:
-    """Frame of the source and pose of the target whose limbs lie most alike, seen from their trunks."""
+    """Frame of the source and pose of the target whose limbs are most similar, seen from their trunks."""
     chosen = np.unique(np.linspace(0, len(moving.positions) - 1, CANDIDATES).astype(int))
     some = _Figure(moving.skeleton, moving.positions[chosen], moving.rotations[chosen])
     lower, upper = (_between(getattr(some, part)(), getattr(models, part)()) for part in ("pelvis", "chest"))
@@ -188,7 +189,7 @@ def _most_alike(moving: _Figure, models: _Figure, pieces: dict[int, tuple[Piece,
 
 
 def _between(some: Rotation, others: Rotation) -> Rotation:
-    """(A * B) rotations that take each of B frames of axes to each of A, the second index running fastest."""
+    """(A * B) rotations from each of B frames of axes to each of A, the second index running fastest."""
     first, second = (each.as_quat() for each in (some, others))
     return (
         Rotation.from_quat(np.repeat(first, len(second), 0))
@@ -197,17 +198,17 @@ def _between(some: Rotation, others: Rotation) -> Rotation:
 
 
 def _angles(turns: Rotation, some: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(A, B) between directions (A, 3) and (B, 3), after the turns that `_between` gives."""
+    """(A, B) angles between directions (A, 3) and (B, 3), after the rotations that `_between` returns."""
     shape = (len(some), len(others))
     turned = turns.apply(np.tile(others, (len(some), 1))).reshape(*shape, 3)
     return np.arccos(np.clip((turned * some[:, None]).sum(-1), -1, 1))
 
 
 def _answers(source: Skeleton, target: Skeleton, pieces: dict[int, tuple[Piece, ...]]) -> dict[int, np.ndarray]:
-    """For every bone of the target that has an answer: (S,) weights of the source's bones whose turns it takes."""
+    """For every bone of the target with a match: (S,) weights of the source's bones, whose rotations it takes."""
     answers: dict[int, np.ndarray] = {}
     for piece in (piece for group in pieces.values() for piece in group):
-        # Of several bones that answer to one, the longest tells its turn: a thigh's, not those of the hip's motors.
+        # Of several bones that match one, the longest gives the rotation: a thigh's, not those of the hip's motors.
         longest = piece.source[int(bone_lengths(source, piece.source).argmax())]
         answers |= {bone: _one_hot(source.joints, longest) for bone in piece.target}
     theirs, ours = spine_of(source), spine_of(target)
@@ -236,7 +237,7 @@ def _carried(
     answers: dict[int, np.ndarray],
     pieces: dict[int, tuple[Piece, ...]],
 ) -> np.ndarray:
-    """(T, J, 4) global rotations of the target: its reference pose in the source's, turned as the source turns."""
+    """(T, J, 4) global rotations of the target: its reference pose, turned as the source turns from its own."""
     target = anchor.skeleton
     reference = _reference_in_source_pose(still, anchor, pieces)
     now, then = Rotation.from_quat, Rotation.from_quat(still.rotations[0])
@@ -252,8 +253,8 @@ def _carried(
             turn = _blended(turns, answers[joint])
             out[:, joint] = (turn * reference[joint]).as_quat()
         elif parent < 0 or target.groups[joint] < 0:
-            out[:, joint] = anchor.rotations[0, joint]  # above or beside the body: as it was
-        else:  # no answer: it rides on its parent
+            out[:, joint] = anchor.rotations[0, joint]  # above or beside the body: unchanged
+        else:  # no match: it keeps its place on its parent
             own = Rotation.from_quat(anchor.rotations[0, parent]).inv() * Rotation.from_quat(
                 anchor.rotations[0, joint]
             )

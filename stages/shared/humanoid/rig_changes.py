@@ -1,6 +1,6 @@
-"""Stranger rigs made from a real one, with the truth known: more spine, twist joints, fingers, other local axes.
+"""Variants of a real rig with known ground truth: more spine joints, twist joints, fingers, other local axes.
 
-Each change gives a new skeleton and the motion on it; both obey the same conventions as what came in.
+Each change returns a new skeleton and the motion on it, in the same conventions as its input.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
 
-LEAST_SPLIT_M = 0.04  # bones shorter than this are left whole
+LEAST_SPLIT_M = 0.04  # shorter bones are not split
 FINGERS, FINGER_JOINTS, FINGER_M = 4, 2, 0.03
 
 
@@ -26,17 +26,17 @@ class Rigged:
 
 
 def with_extra_spine(rigged: Rigged, rng: np.random.Generator) -> Rigged:
-    """Every bone of the spine's chain in two; the new joint turns halfway with the joint that follows."""
+    """Split every bone of the spine's chain; the new joint takes half the rotation of the joint that follows."""
     return _split_bones(rigged, (BODY_GROUPS.index("spine"),), bend=0.5, suffix="mid")
 
 
 def with_twist_joints(rigged: Rigged, rng: np.random.Generator) -> Rigged:
-    """Every long bone of arms and legs in two; the new joint, in the chain, never turns by itself."""
+    """Split every long bone of arms and legs; the new joint is in the chain and its local rotation is zero."""
     return _split_bones(rigged, tuple(range(1, len(BODY_GROUPS))), bend=0.0, suffix="twist")
 
 
 def with_fingers(rigged: Rigged, rng: np.random.Generator) -> Rigged:
-    """Four fingers of two joints on each hand, which no point sees; they curl in a slow wave."""
+    """Add four fingers of two joints to each hand, without points on them; they curl in a slow wave."""
     skeleton = rigged.skeleton
     for group in (1, 2):
         hands = np.flatnonzero((skeleton.groups == group) & skeleton.sampled)
@@ -58,7 +58,7 @@ def with_fingers(rigged: Rigged, rng: np.random.Generator) -> Rigged:
 
 
 def with_other_axes(rigged: Rigged, rng: np.random.Generator) -> Rigged:
-    """The same bones in the same places, every joint's own axes turned by a random constant rotation."""
+    """The same bones in the same places, with every joint's own axes turned by a random constant rotation."""
     skeleton, motion = rigged.skeleton, rigged.motion
     turns = Rotation.from_quat(rng.standard_normal((skeleton.joints, 4)))
     above = [turns[int(parent)] if parent >= 0 else Rotation.identity() for parent in skeleton.parents]
@@ -75,7 +75,7 @@ def with_other_axes(rigged: Rigged, rng: np.random.Generator) -> Rigged:
 
 
 def with_other_proportions(rigged: Rigged, rng: np.random.Generator) -> Rigged:
-    """The same rotations on a body whose groups are each 15% longer or shorter."""
+    """The same rotations on a body with each body group 15% longer or shorter."""
     skeleton, motion = rigged.skeleton, rigged.motion
     factors = np.ones(len(BODY_GROUPS) + 1)
     factors[:-1] = np.exp(rng.choice([-1, 1], len(BODY_GROUPS)) * np.log(1.15))
@@ -88,9 +88,9 @@ def with_other_proportions(rigged: Rigged, rng: np.random.Generator) -> Rigged:
 
 
 def with_stiff_spine(rigged: Rigged) -> Rigged:
-    """The spine's joints above the pelvis, up to those that carry the arms, turn as one: a rig of fewer joints.
+    """A rig of fewer joints: the spine's joints above the pelvis, up to those that the arms hang on, turn as one.
 
-    They take their mean rotation in every frame; all else keeps its global rotation and moves along with them.
+    They take their mean rotation in every frame. All other joints keep their global rotations and move with them.
     """
     skeleton, motion = rigged.skeleton, rigged.motion
     spine = BODY_GROUPS.index("spine")
@@ -130,7 +130,7 @@ class _Joint:
 
 
 def _split_bones(rigged: Rigged, groups: tuple[int, ...], bend: float, suffix: str) -> Rigged:
-    """Put a joint into the middle of each sampled bone of some groups that another sampled bone follows."""
+    """Add a joint in the middle of each sampled bone of some groups that is followed by another sampled bone."""
     done: set[str] = set()
     while True:
         skeleton = rigged.skeleton
@@ -160,7 +160,7 @@ def _next_pair(skeleton: Skeleton, groups: tuple[int, ...], done: set[str]) -> t
 
 
 def _inserted(rigged: Rigged, child: int, new: _Joint, rotations: np.ndarray) -> Rigged:
-    """The new joint between `child` and its parent, right before `child` in the order."""
+    """Insert the new joint between `child` and its parent, right before `child` in the order."""
     skeleton, motion = rigged.skeleton, rigged.motion
     moved = np.where(skeleton.parents >= child, skeleton.parents + 1, skeleton.parents)
     parents = np.insert(moved, child, new.parent).astype(np.int32)
@@ -189,7 +189,7 @@ def _inserted(rigged: Rigged, child: int, new: _Joint, rotations: np.ndarray) ->
 
 
 def _appended(rigged: Rigged, new: _Joint, rotations: np.ndarray) -> Rigged:
-    """The new joint after all others."""
+    """Append the new joint after all others."""
     skeleton, motion = rigged.skeleton, rigged.motion
     return Rigged(
         replace(
@@ -210,7 +210,7 @@ def _appended(rigged: Rigged, new: _Joint, rotations: np.ndarray) -> Rigged:
 
 
 def _across(vector: np.ndarray) -> np.ndarray:
-    """A unit vector across another."""
+    """A unit vector perpendicular to another."""
     axis = np.cross(vector, [0.0, 0.0, 1.0] if abs(vector[2]) < 0.9 * np.linalg.norm(vector) else [1.0, 0.0, 0.0])
     return axis / max(float(np.linalg.norm(axis)), 1e-9)
 

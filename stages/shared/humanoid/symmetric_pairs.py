@@ -1,4 +1,4 @@
-"""Which joint on the left goes with which on the right: by names where they tell, else by the shape of the limbs."""
+"""Pairs of left and right joints: by names if they state the side, else by the shape of the limbs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MOST_PERMUTED = 5
 def find_pairs(
     names: tuple[str, ...], parents: np.ndarray, offsets: np.ndarray, groups: np.ndarray
 ) -> tuple[tuple[int, int], ...]:
-    """(left, right) joints, by the left one's index; joints of the midline and those without a partner are left out.
+    """(left, right) joints, by the left one's index, without joints of the midline and joints without a partner.
 
     Args:
         names, parents (J,): the hierarchy. offsets: (J, 3) heads in the parents' frames, any unit.
@@ -41,7 +41,7 @@ def find_pairs(
 
 
 def _pairs_by_name(names: tuple[str, ...], groups: np.ndarray) -> list[tuple[int, int]]:
-    """Joints whose names differ by their side alone, unless their body groups contradict it."""
+    """Pairs of joints whose names differ only in the side, unless their body groups contradict it."""
     sides: dict[tuple[str, ...], dict[str, int]] = {}
     doubled: set[tuple[str, ...]] = set()
     for joint, name in enumerate(names):
@@ -73,9 +73,9 @@ def _tops(parents: np.ndarray, groups: np.ndarray, group: int) -> list[int]:
 def _matched(
     left: list[int], right: list[int], offsets: np.ndarray, children: list[list[int]]
 ) -> list[tuple[int, int]]:
-    """Siblings of one side with those of the other, so that lengths and the distances among them fit best.
+    """Match siblings of one side with those of the other by the least difference of lengths and mutual distances.
 
-    A mirror keeps both, whatever the joints' own axes are. Many siblings are matched by length alone.
+    Mirroring changes neither, whatever the joints' own axes are. Many siblings are matched by length alone.
     """
     if not left or not right:
         return []

@@ -1,4 +1,4 @@
-"""Batches drawn ahead of the step, by a thread or by processes of their own, in an order that never varies."""
+"""Batches drawn ahead of the training step, by a thread or by several processes, always in the same order."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from stages.shared.training.ranks import Ranks
 from stages.shared.training.task import Drawer, Task, step_random
 
 DRAW = 1  # the purpose of the generators
-_drawer: Drawer | None = None  # in a drawing process
+_drawer: Drawer | None = None  # set in a drawing process
 
 
 def parts_of(config: TrainingConfig, ranks: Ranks, splits: bool) -> list[range]:
-    """This process's windows of every batch, in the parts that it takes one after the other.
+    """This process's windows of every batch, divided into the parts that it computes one after the other.
 
-    Raises: UsageError where there are too few windows, or the task cannot take parts.
+    Raises: UsageError if there are too few windows, or the task cannot be given parts of a batch.
     """
     count = ranks.count * config.accumulate
     if count > 1 and not splits:
-        raise UsageError("This training takes whole batches only.", "Run it in one process, with accumulate = 1.")
+        raise UsageError("This training cannot split its batches.", "Run it in one process, with accumulate = 1.")
     if config.batch < count:
         raise UsageError(
-            f"A batch of {config.batch} windows cannot be cut into {count} parts "
+            f"A batch of {config.batch} windows cannot be split into {count} parts "
             f"({ranks.count} processes times accumulate = {config.accumulate}).",
             "Raise batch or lower accumulate.",
         )
@@ -46,9 +46,9 @@ def parts_of(config: TrainingConfig, ranks: Ranks, splits: bool) -> list[range]:
 def drawn_ahead(
     task: Task[Any], config: TrainingConfig, parts: list[range], first_step: int
 ) -> Generator[Any, None, None]:
-    """The batches of all steps from `first_step` on, part by part. What is drawn follows from (seed, step, window).
+    """The batches of all steps from `first_step` on, part by part. Draws depend on (seed, step, window) only.
 
-    Raises: PumpsError where a drawing process dies.
+    Raises: PumpsError if a drawing process dies.
     """
     wanted = ((config.seed, step, part) for step in range(first_step, config.steps) for part in parts)
     ahead: deque[Future[Any]] = deque()
@@ -56,7 +56,7 @@ def drawn_ahead(
     with _executor(drawer, config.workers) as executor:
         draw: Callable[..., Any] = partial(_draw, drawer) if config.workers == 0 else _draw_here
         try:
-            # Deep enough that a process goes on drawing while steps that need nothing new are taken.
+            # Long enough that a process continues drawing during steps that need no new batch.
             depth = max(2, 8 * config.workers)
             ahead.extend(executor.submit(draw, *unit) for unit in islice(wanted, depth))
             while ahead:
@@ -65,7 +65,7 @@ def drawn_ahead(
                 yield batch
         except BrokenProcessPool:
             raise PumpsError(
-                "A process that draws batches died, perhaps for want of memory.", "Lower workers or cache_mb."
+                "A process that draws batches died, perhaps for lack of memory.", "Lower workers or cache_mb."
             ) from None
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
@@ -91,7 +91,7 @@ def _begin(drawer: Drawer) -> None:
 
 
 def _end_with_parent() -> None:
-    # A training that is killed outright must not leave its helpers behind.
+    # If the training is killed, its drawing processes must end too.
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,4 +1,4 @@
-"""Frames of rigid clips, read from the disk when they are wanted; a bounded number of bytes is kept in memory."""
+"""Frames of rigid clips, read from the disk on demand; a limited number of bytes is kept in memory."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from data_schemas.tpc import TpcReader
 
 
 class FrameCache:
-    """Reads whole chunks of the HDF5 file and forgets the ones that were not wanted for longest.
+    """Reads whole chunks of the HDF5 file and keeps the most recently used ones.
 
-    What is read never depends on what is kept, so that batches are the same whatever the limit. Several threads may
-    read at once. A copy sent to another process starts with nothing kept.
+    The limit does not change what is read, so batches do not depend on it. Several threads may read at once. A copy
+    that is sent to another process starts empty.
 
     Args:
         reader: the tpc artefact.
@@ -30,9 +30,9 @@ class FrameCache:
         self.kept_bytes = 0
 
     def frames(self, clip: str, start: int, stop: int) -> np.ndarray:
-        """Frames `start` to `stop` of a clip, (n, J, 7) float32: a bone's head, metres, and its rotation, xyzw.
+        """Frames `start` to `stop` of a clip, (n, J, 7) float32: each bone's head, metres, and rotation, xyzw.
 
-        Raises: InputError where the file is damaged, or the clip is no rigid one.
+        Raises: InputError if the file is damaged, or the clip is not rigid.
         """
         first, last = start // CHUNK_FRAMES, (stop - 1) // CHUNK_FRAMES
         pieces = [self._piece(clip, number) for number in range(first, last + 1)]

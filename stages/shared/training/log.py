@@ -1,4 +1,4 @@
-"""The log of a training: rows for the checkpoint, in parts on the disk between checkpoints, and for TensorBoard."""
+"""The log of a training: rows for the checkpoint, written in parts between checkpoints, and for TensorBoard."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from data_schemas.errors import PumpsError
 from data_schemas.whole_file import write_whole
 from stages.shared.training.config import TrainingConfig
 
-_EVERY_S = 30.0  # a kill costs no more of the log than this
+_EVERY_S = 30.0  # most of the log that is lost when the process is killed
 
 
 class TrainingLog:
-    """Rows of figures, `split` "train" or "val", each with its step and the seconds of training until then.
+    """Rows of numbers, `split` "train" or "val", each with its step and the seconds of training so far.
 
     Args:
         folder: where parts are written until a checkpoint holds their rows.
-        rows: those of a run that goes on.
+        rows: earlier rows of a run that is resumed.
     """
 
     def __init__(self, config: TrainingConfig, folder: Path, rows: list[dict[str, Any]]):
@@ -31,7 +31,7 @@ class TrainingLog:
         self._board = _tensorboard(config, rows[-1]["step"] + 1 if rows else 0)
 
     def add(self, split: str, step: int, seconds: float, figures: Mapping[str, float]) -> None:
-        """One row."""
+        """Add one row."""
         self.rows.append({"step": step, "seconds": seconds, "split": split, **figures})
         if self._board is not None:
             for name, value in figures.items():
@@ -40,20 +40,20 @@ class TrainingLog:
             self.save_part()
 
     def save_part(self) -> None:
-        """Write the rows since the last part or checkpoint."""
+        """Write the rows since the last part or checkpoint to a new part."""
         rows = self.rows[self._saved :]
         if rows:
             write_whole(self.folder / f"step_{rows[-1]['step']:09d}.parquet", log_bytes(rows))
         self.forget_parts(keep=True)
 
     def forget_parts(self, *, keep: bool = False) -> None:
-        """A checkpoint holds all rows so far."""
+        """Remove the parts: a checkpoint holds all rows so far."""
         self._saved, self._when = len(self.rows), time.monotonic()
         if not keep:
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def close(self) -> None:
-        """Leave nothing unwritten."""
+        """Write all remaining rows and close the log."""
         if self._board is not None:
             self._board.close()
 

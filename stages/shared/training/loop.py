@@ -1,7 +1,7 @@
-"""The one training loop: parts of batches, several processes, validation, checkpoints, log, early stop, seeds.
+"""The training loop of all networks: parts of batches, several processes, validation, checkpoints, log, early stop.
 
-Every draw follows from (seed, step, window), so that a resumed run takes the same steps as an unbroken one, and a
-batch is the same batch however many processes and parts it is spread over.
+Every draw depends on (seed, step, window) only, so that a resumed run takes the same steps as an uninterrupted one,
+and a batch does not depend on the number of processes and parts over which it is split.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _LOG_EVERY = 20
 
 @dataclass
 class Trained:
-    """The result: averaged weights of the best validation, the log, and whether training has come to its end.
+    """The result: averaged weights of the best validation, the log, and whether the training is finished.
 
-    `best` is the best validation's score and `best_step` its step; `optimiser` the state at the end, where kept.
+    best: score of the best validation; best_step: its step. optimiser: the state at the end, if kept.
     """
 
     weights: dict[str, np.ndarray]
@@ -50,8 +50,10 @@ class Trained:
 
 
 def learning_rate(config: TrainingConfig, step: int, seconds: float = 0.0) -> float:
-    """Linear warm-up, inverse-square-root decay, then a straight way to zero over the last `cooldown` share of the
-    steps, or of the time where `minutes` ends a training before."""
+    """Learning rate at a step: linear warm-up, then inverse-square-root decay, then linear decay to zero.
+
+    The last part takes the share `cooldown` of the steps, or of the time if `minutes` ends the training earlier.
+    """
     rate = config.learning_rate * min((step + 1) / max(1, config.warmup), (max(1, config.warmup) / (step + 1)) ** 0.5)
     left = (config.steps - step) / max(1.0, config.cooldown * config.steps)
     if config.minutes:
@@ -60,18 +62,17 @@ def learning_rate(config: TrainingConfig, step: int, seconds: float = 0.0) -> fl
 
 
 def average_decay(config: TrainingConfig, step: int) -> float:
-    """How much of the moving average stays at a step; early steps count fully, so that it starts from no random
-    weights."""
+    """Decay of the moving average at a step; it is small in early steps, so that random initial weights vanish."""
     return min(config.average, (1 + step) / (10 + step))
 
 
 def train(task: Task[Any], config: TrainingConfig, *, progress: Progress) -> Trained:
-    """Train until the steps are done, patience or `max_time` is over; in all processes that the launcher started.
+    """Train until the steps are done, or patience or `max_time` runs out; in all processes of the launcher.
 
     Raises:
-        UsageError: a batch cannot be spread over the processes and parts.
-        InputError: `initial` does not fit.
-        PumpsError: the loss stops being a number.
+        UsageError: a batch cannot be split over the processes and parts.
+        InputError: the weights of `initial` do not match the networks.
+        PumpsError: the loss is not a finite number.
     """
     device = next(iter(task.networks.parameters())).device
     ranks = join_ranks(device)
@@ -80,7 +81,7 @@ def train(task: Task[Any], config: TrainingConfig, *, progress: Progress) -> Tra
 
 @contextmanager
 def _threads_left(workers: int) -> Iterator[None]:
-    """Leave a core to each drawing process: threads that share one wait for each other."""
+    """Leave one core to each drawing process, since threads that share a core slow each other down."""
     threads = torch.get_num_threads()
     torch.set_num_threads(max(1, threads - workers))
     try:
@@ -94,7 +95,9 @@ class _Run:
         self.task, self.config, self.ranks, self.progress = task, config, ranks, progress
         self.parts = parts_of(config, ranks, task.splits())
         if config.minutes and ranks.count > 1:
-            raise UsageError("A training of so many minutes runs in one process.", "Give steps instead of minutes.")
+            raise UsageError(
+                "A training that is limited by minutes must run in one process.", "Give steps instead of minutes."
+            )
         self.named = dict(task.networks.named_parameters())
         self.device = next(iter(self.named.values())).device
         self.optimiser = Optimiser(task.networks, config)
@@ -102,7 +105,7 @@ class _Run:
         self.unfinished = Unfinished(config)
         self.place = Place()
         self.best_weights: dict[str, Tensor] = {}
-        self.bad_step = torch.full((), float("inf"), device=self.device)  # the first whose loss was no number
+        self.bad_step = torch.full((), float("inf"), device=self.device)  # the first step whose loss was not a number
         rows = self._begin()
         self.log = TrainingLog(config, self.unfinished.log_folder, rows) if ranks.first else None
 
@@ -124,7 +127,7 @@ class _Run:
                 validated = place.step % config.validate_every == 0 or last
                 kept = place.step % config.checkpoint_every == 0
                 note = ""
-                # On a GPU a step is not waited for, but where its figures are wanted.
+                # On a GPU a step runs asynchronously, until its numbers are read.
                 if logged or validated or kept or self.device.type == "cpu":
                     figures, late = self._seen(numbers)
                     note = " ".join(f"{name} {value:.4g}" for name, value in list(figures.items())[:2])
@@ -197,13 +200,13 @@ class _Run:
         return {**numbers, "gradient_norm": norm, "learning_rate": torch.tensor(rate), "late": totals[-1]}
 
     def _scalar(self, value: Any) -> Tensor:
-        # Filled in on the device: copying a number there would wait for the device.
+        # Filled in on the device, since copying a number to it would wait for it.
         if isinstance(value, Tensor):
             return value.detach().float().to(self.device)
         return torch.full((), float(value), device=self.device)
 
     def _seen(self, numbers: dict[str, Tensor]) -> tuple[dict[str, float], bool]:
-        """The step's figures, and whether the time is over. Raises PumpsError where a loss was no number."""
+        """The step's numbers, and whether the time is over. Raises PumpsError if a loss was not a number."""
         bad = float(self.bad_step)
         figures = {name: float(value) for name, value in numbers.items()}
         if bad != float("inf"):
@@ -214,7 +217,7 @@ class _Run:
         return figures, figures.pop("late") > 0
 
     def _follow(self) -> None:
-        """Move the average after the weights."""
+        """Update the moving average of the weights."""
         decay = average_decay(self.config, self.place.step)
         values = self.task.networks.state_dict()
         moving = [name for name, value in values.items() if value.dtype.is_floating_point and decay > 0]
@@ -226,7 +229,7 @@ class _Run:
                 self.average[name].copy_(values[name])
 
     def _validate(self) -> None:
-        """Measure the averaged weights, in the first process."""
+        """Validate the averaged weights, in the first process."""
         place, networks = self.place, self.task.networks
         figures: dict[str, float] = {}
         if self.log is not None:
@@ -248,7 +251,7 @@ class _Run:
             place.stale += 1
 
     def _keep(self) -> None:
-        """Write a checkpoint: weights, the optimiser's moments, the average and the best."""
+        """Write a checkpoint: weights, optimiser's state, averaged weights and best weights."""
         if self.log is None:
             return
         tensors = self.optimiser.moments()
@@ -258,7 +261,7 @@ class _Run:
         self.log.forget_parts()
 
     def _begin(self) -> list[dict[str, Any]]:
-        """Go on from an unfinished run, or start, from `initial` where given. Returns the rows of the log so far."""
+        """Resume an unfinished run, or start one, from `initial` if given. Returns the rows of the log so far."""
         networks = self.task.networks
         kept = self.ranks.from_first(self.unfinished.newest(self.progress) if self.ranks.first else None)
         if kept is None:

@@ -1,4 +1,4 @@
-"""Which frames are known: the three masked tasks (PUMPS 3.3, 4.2)."""
+"""Masks of known frames for the three masked tasks (PUMPS 3.3, 4.2)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from stages.shared.training.task import rows_of
 def draw_known(lengths: Tensor, window: int, longest_gap: int, rng: np.random.Generator) -> Tensor:
     """A mask for each window, True = known: keyframe interpolation, transition or prediction.
 
-    Interpolation takes six windows in ten: first and last frame always known; half of them with a random number of
-    keys between a twenty-fourth and a quarter of the frames (5 to 32 in 128), half evenly spaced, as people set keys.
-    Transition and prediction mask 10 to `longest_gap` frames in one piece, and always leave some.
+    Six windows of ten are for interpolation, with the first and last frame known: half of them have a random number
+    of keys, between a twenty-fourth and a quarter of the frames (5 to 32 of 128), the other half evenly spaced keys,
+    as animators set them. Transition and prediction mask 10 to `longest_gap` consecutive frames, never all frames.
 
     Args:
         lengths: (B,) real frames of each window, at least 4.
@@ -39,10 +39,10 @@ def draw_known(lengths: Tensor, window: int, longest_gap: int, rng: np.random.Ge
 
 
 def draw_keys(length: int, rng: np.random.Generator) -> np.ndarray:
-    """Frames of the keys of one interpolation window of `length` frames, first and last among them."""
+    """Indices of the keys of one interpolation window of `length` frames, including the first and last frame."""
     least, most = max(2, round(length / 24)), max(3, round(length / 4))
     if rng.uniform() < 0.5:
-        # Evenly in the logarithm of the interval, so that long gaps are not drowned by short ones.
+        # Uniform in the logarithm of the interval, so that long gaps are not too rare.
         every = int(np.exp(rng.uniform(np.log(3), np.log(min(40, length)))))
         inner = np.arange(int(rng.integers(0, every)), length, every)
     else:

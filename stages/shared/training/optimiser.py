@@ -1,8 +1,9 @@
 """The optimiser of a training: AdamW for all weights, or Muon for the matrices of layers and AdamW for the rest.
 
-Muon (Jordan et al. 2024) steps by a matrix's momentum with all its singular values made alike, so that directions
-that few windows ask for move as far as those that all ask for. Its rate is scaled as Moonlight's (Liu et al. 2025,
-eq. 4), so that one learning rate serves both. Embeddings, the last layer and what is no matrix are AdamW's.
+Muon (Jordan et al. 2024) steps by a matrix's momentum with all its singular values made equal, so that directions
+that few windows change move as far as common ones. Its rate is scaled as in Moonlight (Liu et al. 2025, eq. 4), so
+that both optimisers use the same learning rate. AdamW updates embeddings, the last layer and all parameters that are
+not matrices.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ _OF_MUON, _OF_ADAMW = ("momentum_buffer",), ("step", "exp_avg", "exp_avg_sq")
 
 
 def inner_matrices(networks: nn.Module) -> list[str]:
-    """Names of the matrices of repeated layers: those that Muon is for."""
+    """Names of the matrices of repeated layers, which Muon updates."""
     listed = [name for name, module in networks.named_modules() if isinstance(module, nn.ModuleList)]
     return [
         name
@@ -30,9 +31,9 @@ def inner_matrices(networks: nn.Module) -> list[str]:
 
 
 class Optimiser:
-    """Steps a network's parameters by name.
+    """Updates a network's parameters by name.
 
-    Raises: UsageError where Muon is asked for and PyTorch has none.
+    Raises: UsageError if Muon is selected and this PyTorch has none.
     """
 
     def __init__(self, networks: nn.Module, config: TrainingConfig):
@@ -42,7 +43,9 @@ class Optimiser:
         matrices = [self.named[name] for name in inner]
         others = [value for name, value in self.named.items() if name not in set(inner)]
         rate, decay = config.learning_rate, config.weight_decay
-        self._parts: list[tuple[torch.optim.Optimizer, tuple[str, ...]]] = []  # each with its states' keys
+        self._parts: list[
+            tuple[torch.optim.Optimizer, tuple[str, ...]]
+        ] = []  # each optimiser with the keys of its state
         if matrices:
             if not hasattr(torch.optim, "Muon"):
                 raise UsageError(
@@ -52,13 +55,13 @@ class Optimiser:
             muon = torch.optim.Muon(matrices, lr=rate, weight_decay=decay, adjust_lr_fn="match_rms_adamw")
             self._parts.append((muon, _OF_MUON))
         if others:
-            # Fused, a parameter and its moments pass a CPU's memory once, which takes a third of the time.
+            # Fused, each parameter and its moments are read once from memory, which takes a third of the time.
             fused = device.type == "cpu" or None
             adamw = torch.optim.AdamW(others, lr=rate, betas=(0.9, 0.98), weight_decay=decay, fused=fused)
             self._parts.append((adamw, _OF_ADAMW))
 
     def zero_grad(self) -> None:
-        """Forget all gradients."""
+        """Clear all gradients."""
         for part, _ in self._parts:
             part.zero_grad(set_to_none=True)
 
@@ -79,8 +82,8 @@ class Optimiser:
         }
 
     def set_moments(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Take the state that `moments` told; parameters that it does not name, or names for another optimiser, stay
-        as they are."""
+        """Load a state from `moments`. Parameters that are missing in it, or belong to another optimiser there, keep
+        their state."""
         for part, wanted in self._parts:
             held = {id(parameter) for group in part.param_groups for parameter in group["params"]}
             for name, parameter in self.named.items():

@@ -1,4 +1,4 @@
-"""Other builds of the same body: every bone's length changed, left and right alike, its turns left as they are."""
+"""Changing a body's proportions: every bone's length is scaled, left and right equally; rotations are unchanged."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _LEGS = 2
 
 
 def with_other_proportions(windows: Windows, most: float | np.ndarray, rng: np.random.Generator) -> Windows:
-    """Windows of bodies whose bones are up to `most` times as long or as short, drawn for each window.
+    """Windows with bones scaled by random factors between 1 / `most` and `most`, drawn for each window.
 
-    A bone's frame grows or shrinks as a whole: its tail, and where its children hang on it. The n-th bone of the left
-    arm gets the factor of the n-th of the right, and so do legs. The root's path is scaled as the legs are, about the
-    world's origin on the floor, so that feet stand where they stood. Rotations stay.
+    A factor scales a bone's whole frame: its tail and its children's offsets. The n-th bones of the left and right
+    arm get the same factor, and so do those of the legs. The root's path is scaled by the legs' factor, about the
+    world's origin on the floor, so that the feet stay on the floor without sliding. Rotations do not change.
 
     Args:
-        most: largest factor, 1 or more, for all windows or (B,) for each; its inverse is the smallest. Factors are
-            drawn evenly in their logarithm.
+        most: largest factor, 1 or more, for all windows or (B,) for each; its inverse is the smallest. The logarithm
+            of a factor is uniform.
         rng: each window's factors are drawn from its own generator (`rows_of`).
     """
     batch, bones = windows.groups.shape
@@ -50,13 +50,13 @@ def with_other_proportions(windows: Windows, most: float | np.ndarray, rng: np.r
 
 
 def _ranks(windows: Windows) -> Tensor:
-    """(B, J) how many bones of the same body group come before each."""
+    """(B, J) number of bones of the same body group before each bone."""
     same = windows.groups.unsqueeze(2) == windows.groups.unsqueeze(1)
     return torch.tril(same, diagonal=-1).sum(2)
 
 
 def _hung(windows: Windows, factors: Tensor, legs: Tensor) -> Tensor:
-    """Heads (B, T, J, 3): each at its parent's, the way between them scaled; a scale needs no frame to be in."""
+    """Heads (B, T, J, 3) with the vector from each bone's parent scaled; uniform scaling is the same in any frame."""
     rows = torch.arange(len(factors), device=factors.device)
     heads = windows.heads.clone()
     heads[:, :, 0] = windows.heads[:, :, 0] * legs.view(-1, 1, 1)

@@ -12,13 +12,13 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-_PATIENCE = timedelta(hours=2)  # how long the others wait for the first to validate and to write
+_PATIENCE = timedelta(hours=2)  # how long the other processes wait while the first one validates and writes
 _Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True)
 class Ranks:
-    """Which of how many processes this is. The first (rank 0) alone validates, writes and tells of progress."""
+    """This process's rank and the number of processes. Only rank 0 validates, writes and reports progress."""
 
     rank: int = 0
     count: int = 1
@@ -28,9 +28,9 @@ class Ranks:
         return self.rank == 0
 
     def sum_gradients(self, parameters: Sequence[nn.Parameter], numbers: Tensor) -> Tensor:
-        """Add up the processes' gradients in place and return the sums of `numbers`, all in one message.
+        """Sum the processes' gradients in place and return the sums of `numbers`, all in one message.
 
-        A parameter without gradient on every process keeps none.
+        A parameter that has no gradient in any process keeps none.
         """
         if self.count == 1:
             return numbers
@@ -46,7 +46,7 @@ class Ranks:
         return totals
 
     def from_first(self, value: _Value) -> _Value:
-        """What the first process gives, on all; the others wait for it."""
+        """The first process's value, in all processes; the others wait for it."""
         if self.count == 1:
             return value
         from accelerate.utils import broadcast_object_list
@@ -54,7 +54,7 @@ class Ranks:
         return broadcast_object_list([value])[0]
 
     def copy_weights(self, networks: nn.Module) -> None:
-        """Give all processes the first one's weights."""
+        """Copy the first process's weights to all processes."""
         if self.count > 1:
             with torch.no_grad():
                 for value in networks.state_dict().values():
@@ -62,13 +62,13 @@ class Ranks:
 
 
 def started_ranks() -> Ranks:
-    """What the launcher says of this process, without joining the others."""
+    """Rank and number of processes from the launcher's environment, without connecting to the others."""
     count = int(os.environ.get("WORLD_SIZE", 1))
     return Ranks(int(os.environ.get("RANK", 0)), count) if count > 1 else Ranks()
 
 
 def join_ranks(device: torch.device) -> Ranks:
-    """Meet the processes that the launcher started; alone where it started no other. NCCL on GPUs, Gloo on CPUs."""
+    """Connect to the launcher's other processes, if there are any. NCCL on GPUs, Gloo on CPUs."""
     if started_ranks().count == 1:
         return Ranks()
     from accelerate import PartialState

@@ -1,4 +1,4 @@
-"""What the training stages share: pools of windows, the checkpoint that a run ends in, its model card."""
+"""The common parts of the training stages: pools of windows, the final checkpoint of a run, its model card."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _CPU = torch.device("cpu")
 def window_pools(
     reader: TpcReader, config: TrainingConfig, device: torch.device = _CPU
 ) -> tuple[WindowPool, WindowPool]:
-    """Pools to train on and to validate on; where no clip is marked for validation, the training clips serve.
+    """Pools for training and for validation; without validation clips, the training clips are used for both.
 
-    On a GPU windows are made there, unless processes of their own draw them.
-    The reader must stay open as long as they are used.
+    On a GPU windows are made there, unless worker processes draw them. The reader must stay open while the pools are
+    in use.
     """
     where = device if config.workers == 0 else _CPU
     training = WindowPool(reader, ("train",), balance=config.balance, cache_mb=config.cache_mb, device=where)
@@ -54,10 +54,10 @@ def finish(
     data: TrainingData,
     inputs: Sequence[Artefact],
 ) -> StageReport:
-    """Write the checkpoint artefact of a finished run and forget the unfinished one; tell of one that is not.
+    """Write the checkpoint artefact of a finished run and remove the unfinished one; report a run that is unfinished.
 
-    What is kept are the averaged weights of the best validation; the optimiser's state with `keep_optimiser` alone.
-    Of several processes the first writes and tells.
+    The artefact holds the averaged weights of the best validation, and with `keep_optimiser` the optimiser's state.
+    Only the first of several processes writes and reports.
     """
     if not started_ranks().first:
         return StageReport()
@@ -65,7 +65,7 @@ def finish(
         return StageReport(
             lines=[
                 f"Stopped at step {trained.step} of {config.steps} after {trained.seconds / 60:.1f} minutes; "
-                "run the same command again to go on."
+                "run the same command again to continue."
             ],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
         )

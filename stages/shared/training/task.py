@@ -1,4 +1,4 @@
-"""What the training loop needs to know of a thing to train, and the random generators that it hands to it."""
+"""The interface between the training loop and a network's training, and the random generators passed to it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from torch import Tensor, nn
 from stages.shared.networks.layers.row_generator import RowGenerator, row_generator
 
 Networks = TypeVar("Networks", bound=nn.Module)
-HELD_BACK_SEED = 0  # of the windows to validate on: trainings of other seeds are measured on the same ones
+HELD_BACK_SEED = 0  # seed of the validation windows: the same for trainings of all seeds
 
 
 class RowRandom(np.random.Generator):
     """A generator for a whole batch and, in `rows`, one for each of its windows.
 
-    What is drawn from a window's own generator does not depend on which other windows are drawn beside it, so that a
-    batch may be cut into parts (for several devices, or to accumulate gradients) and stays the same batch.
+    Draws from a window's own generator do not depend on the other windows, so that a batch can be split into parts
+    (for several devices, or to accumulate gradients) without changing it.
 
-    step: of the training. numbers: the windows' places in the whole batch.
+    step: of the training. numbers: the windows' indices in the whole batch.
     """
 
     rows: list[np.random.Generator]
@@ -34,7 +34,7 @@ class Drawer(Protocol):
     """Draws the batches of a training. It holds no network; one that works in another process is pickled."""
 
     def draw(self, rng: RowRandom) -> Any:
-        """A batch of `len(rng.rows)` windows, from `rng` alone."""
+        """A batch of `len(rng.rows)` windows, drawn from `rng` only."""
         ...
 
 
@@ -45,24 +45,24 @@ class Task(ABC, Generic[Networks]):
 
     @abstractmethod
     def drawer(self, *, elsewhere: bool = False) -> Drawer:
-        """What draws the batches: in a thread of this process or, with `elsewhere`, in processes of its own."""
+        """The object that draws batches, in a thread of this process or, with `elsewhere`, in other processes."""
 
     @abstractmethod
     def loss(self, batch: Any, generator: RowGenerator) -> tuple[Tensor, dict[str, Any]]:
-        """The scalar to descend and figures (numbers or scalar tensors) to log; `generator` is for draws inside the
+        """The loss, a scalar tensor, and numbers (or scalar tensors) to log; `generator` is for draws inside the
         networks."""
 
     @abstractmethod
     def validate(self) -> dict[str, float]:
-        """Figures on held-back windows, always the same; the first is what the best is chosen by (less is better)."""
+        """Scores on fixed validation windows; the first one selects the best weights (less is better)."""
 
     def splits(self) -> bool:
-        """Whether a batch may be cut into parts: each window is then drawn from its own generator, and the loss is a
-        mean over windows, or over what `weight` counts."""
+        """Whether a batch may be split into parts. Each window must then be drawn from its own generator, and the
+        loss must be a mean over windows, or over the number that `weight` returns."""
         return False
 
     def weight(self, batch: Any, rows: int) -> float:
-        """How much a part of `rows` windows counts in the whole batch's loss."""
+        """Weight of a part of `rows` windows in the whole batch's loss."""
         return float(rows)
 
     def draw(self, rng: RowRandom) -> Any:
@@ -71,12 +71,12 @@ class Task(ABC, Generic[Networks]):
 
 
 def step_seed(seed: int, purpose: int, step: int) -> np.random.Generator:
-    """A generator for one purpose at one step: a resumed run draws what the unbroken one would have drawn."""
+    """A generator for one purpose at one step, so that a resumed run draws the same as an uninterrupted one."""
     return np.random.default_rng((seed, purpose, step))
 
 
 def step_random(seed: int, purpose: int, step: int, rows: Sequence[int]) -> RowRandom:
-    """The generators of some windows (by their number in the whole batch) of one step."""
+    """The generators of some windows of one step, given by their indices in the whole batch."""
     random = RowRandom(np.random.PCG64((seed, purpose, step)))
     random.rows = [np.random.default_rng((seed, purpose, step, row + 1)) for row in rows]
     random.step, random.numbers = step, tuple(rows)
@@ -84,13 +84,13 @@ def step_random(seed: int, purpose: int, step: int, rows: Sequence[int]) -> RowR
 
 
 def step_generator(seed: int, purpose: int, step: int, rows: Sequence[int], device: torch.device) -> RowGenerator:
-    """The same for draws inside the networks."""
+    """A generator of one step for draws inside the networks."""
     words = ((seed, purpose, step), *((seed, purpose, step, row + 1) for row in rows))
     whole, *own = (int(np.random.SeedSequence(each).generate_state(1, np.uint64)[0] >> 1) for each in words)
     return row_generator(whole, own, device)
 
 
 def rows_of(rng: np.random.Generator, count: int) -> list[np.random.Generator]:
-    """`count` generators: the windows' own where `rng` has so many, or else new ones that follow from it."""
+    """`count` generators: the windows' own if `rng` has that many, else new ones seeded from `rng`."""
     rows = rng.rows if isinstance(rng, RowRandom) else []
     return rows if len(rows) == count else list(rng.spawn(count))

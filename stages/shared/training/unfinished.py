@@ -1,10 +1,11 @@
-"""What an unfinished training keeps on the disk, so that a run killed at any instant goes on from it.
+"""The files of an unfinished training, from which a run that was killed at any instant can be resumed.
 
     NAME.partial/checkpoints/step_000002000/   a checkpoint artefact each, the newest few
     NAME.partial/log/step_000002340.parquet    rows of the log since the newest checkpoint
-    NAME.partial/windows/                      what a training keeps of its own (`train lms --reuse`)
+    NAME.partial/windows/                      files of the training itself (`train lms --reuse`)
 
-Each checkpoint is an artefact of its own that appears whole or not at all; older ones go when a newer one is there.
+Each checkpoint is an artefact of its own that appears whole or not at all; old ones are removed after a new one is
+written.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from stages.shared.networks.layers.layer_stack import GrowingLayer
 from stages.shared.progress import Progress
 from stages.shared.training.config import TrainingConfig
 
-# May differ when a run goes on: what is learnt is the same, but for rounding.
+# Settings that may change when a run is resumed: the result is the same except for rounding.
 _FREE = {
     "output", "device", "max_time", "minutes", "tensorboard", "checkpoint_every", "keep_checkpoints",
     "keep_optimiser", "workers", "cache_mb", "accumulate", "activation_checkpointing",
@@ -38,8 +39,8 @@ _FREE = {
 
 @dataclass
 class Place:
-    """How far a training has come: steps done, the best validation score and when it was, validations since without
-    gain, and seconds of training."""
+    """Progress of a training: steps done, the best validation score and its step, validations since then without
+    improvement, and seconds of training."""
 
     step: int = 0
     best: float = float("inf")
@@ -57,7 +58,7 @@ class Unfinished:
         self._checkpoints = self.folder / "checkpoints"
         settings = config.model_dump(mode="json")
         self._by_path = {name: value for name, value in settings.items() if name not in _FREE}
-        # What is learnt from is told by its content: the same elsewhere goes on, another in its place does not.
+        # Training data are compared by digest: moved data can be resumed, replaced data cannot.
         self._settings = self._by_path | {
             name: found for name in self._by_path if (found := _digest(getattr(config, name))) is not None
         }
@@ -66,7 +67,7 @@ class Unfinished:
 
     @property
     def digest(self) -> str:
-        """Of the settings: what is kept beside the checkpoints serves trainings with the same alone."""
+        """Digest of the settings; the files beside the checkpoints are used by trainings with equal settings only."""
         return hashlib.sha256(json.dumps(self._settings, sort_keys=True).encode()).hexdigest()[:16]
 
     @property
@@ -80,7 +81,7 @@ class Unfinished:
         training: Mapping[str, Tensor],
         log: Sequence[Mapping[str, Any]],
     ) -> None:
-        """Write a checkpoint of the weights and of the training's own arrays; forget the oldest."""
+        """Write a checkpoint of the weights and of the training's own arrays; remove the oldest."""
         with write_artefact(
             self._checkpoints / f"step_{place.step:09d}", "checkpoint", stage="training", config=self._settings
         ) as draft:
@@ -90,20 +91,20 @@ class Unfinished:
                 config={"training": self._settings, "place": asdict(place)},
                 optimiser=arrays_of(training),
                 log=log,
-                card="Unfinished training; `pumps train` goes on from it.\n",
+                card="Unfinished training; `pumps train` resumes it.\n",
             )
         for old in self._newest_first()[self.config.keep_checkpoints :]:
             shutil.rmtree(old, ignore_errors=True)
 
     def newest(self, progress: Progress) -> Checkpoint | None:
-        """The newest checkpoint that is whole; None where there is none, or the settings were others."""
+        """The newest complete checkpoint; None if there is none, or the settings differ."""
         for path in self._newest_first():
             try:
                 kept = read_checkpoint(path)
             except InputError as error:
                 progress.message(f"{error.message} Trying the checkpoint before it.")
                 continue
-            # A setting that an older pumps did not have is what it is by default.
+            # A setting that an older pumps did not have takes its default.
             before = {**self._defaults, **kept.config.get("training", {})}
             # Checkpoints of an older pumps have paths.
             if before in (self._settings, self._by_path) and kept.optimiser is not None:
@@ -120,47 +121,47 @@ class Unfinished:
         return None
 
     def _set_aside(self) -> Path:
-        """Move it all to where a training with its own settings would not look, over what was there before."""
+        """Move the folder aside, where no training reads it, replacing a folder that was moved aside before."""
         aside = self.folder.with_name(f"{self.config.output.name}.set-aside")
         shutil.rmtree(aside, ignore_errors=True)
         self.folder.rename(aside)
         return aside
 
     def forget(self) -> None:
-        """Remove it all."""
+        """Remove the folder."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _newest_first(self) -> list[Path]:
-        # A folder without a manifest is a checkpoint that a kill left half written.
+        # A folder without a manifest is a checkpoint whose write was killed.
         return sorted((path.parent for path in self._checkpoints.glob("step_*/manifest.json")), reverse=True)
 
 
 def _digest(value: Any) -> str | None:
-    """The digest of the artefact that a setting names; None for other settings."""
+    """The digest of the artefact to which a setting refers; None for other settings."""
     if not isinstance(value, Path) or not (value / MANIFEST_NAME).is_file():
         return None
     return open_artefact(value).manifest.digest
 
 
 def arrays_of(tensors: Mapping[str, Tensor]) -> dict[str, np.ndarray]:
-    """Copies in NumPy."""
+    """Copies of the arrays in NumPy."""
     return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
 
 
 def set_weights(networks: nn.Module, arrays: Mapping[str, np.ndarray], *, source: Path) -> list[str]:
-    """Give the networks the weights of a checkpoint; those it does not name stay as they are, and are returned.
+    """Load a checkpoint's weights into the networks; returns the names of weights that the checkpoint lacks.
 
-    Layers that are new from end to end begin as the identity where they can, so that networks grown deeper do at
-    first what they did.
+    These keep their values, except that a layer that is entirely new begins as the identity if it can, so that a
+    deepened network has the same output at first.
 
-    Raises: InputError where it holds weights that these networks have no place for.
+    Raises: InputError if the checkpoint holds weights that do not match these networks.
     """
     own = networks.state_dict()
     for name, value in arrays.items():
         if name not in own or tuple(own[name].shape) != value.shape:
             wanted = f"the shape {tuple(own[name].shape)}" if name in own else "none of that name"
             raise InputError(
-                f"{source} has weights {name} of the shape {value.shape}, and this network has {wanted}.",
+                f"{source} has weights {name} of the shape {value.shape}, but this network has {wanted}.",
                 "Train with the sizes that it was trained with.",
             )
     networks.load_state_dict(

@@ -1,6 +1,6 @@
 """Windows of motion for training, drawn in batches from a `tpc` artefact that stays on the disk.
 
-Every batch follows from (seed, step) alone: resuming needs no generator's state.
+Every batch depends on (seed, step) only, so that resuming needs no generator's state.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from stages.shared.training.frame_cache import FrameCache
 from stages.shared.training.proportions import with_other_proportions
 from stages.shared.training.task import rows_of
 
-_SPEED = (0.8, 1.25)  # playback speed, size: the ranges that moved a small synthesiser most on unseen skeletons
+_SPEED = (0.8, 1.25)  # playback speed, size: the ranges that improved a small synthesiser most on unseen skeletons
 _SIZE = (0.8, 1.4)
 _CPU = torch.device("cpu")
-_DEVICE_SHARE = 0.3  # of a GPU's free memory that frames may take
+_DEVICE_SHARE = 0.3  # most of a GPU's free memory that frames may take
 
 
 @dataclass
 class Windows:
-    """A batch of windows of bones' transforms; J is the largest skeleton's number of bones, rows beyond are unused.
+    """A batch of windows of bones' transforms; J is the largest skeleton's number of bones, further rows are padding.
 
     heads (B, T, J, 3), rotations (B, T, J, 4) global xyzw, valid (B, T), parents (B, J) int64 (-1 for the root),
-    tails (B, J, 3), groups (B, J) int64, weights (B, J) (0 for unseen or unused bones). `valid` lies on the CPU, the
-    others on the pool's device.
+    tails (B, J, 3), groups (B, J) int64, weights (B, J) (0 for bones without points and for padding). `valid` is on
+    the CPU, the others are on the pool's device.
     """
 
     heads: Tensor
@@ -47,17 +47,17 @@ class Windows:
 
 
 class WindowPool:
-    """Draws windows of all rigid clips of a split; the reader must stay open as long as the pool is used.
+    """Draws windows of all rigid clips of some splits; the reader must stay open while the pool is in use.
 
     Args:
         reader: the tpc artefact.
-        splits: which splits to take.
-        balance: a data set (the archive, or the folder, that a clip came from) is drawn in proportion to its frames
-            to this power: 1 is as they come, 0 is an equal share each, as the authors do.
+        splits: the splits to draw from.
+        balance: the probability of a data set (a clip's archive or folder) is proportional to its frames to this
+            power: 1 is by frames, 0 is an equal share for each, as in the authors' code.
         cache_mb: megabytes of frames to keep in memory.
-        device: where windows are made. On a CUDA device all frames are kept there, where they fit.
+        device: where windows are made. On a CUDA device all frames are kept there if they fit.
 
-    Raises: InputError where no clip of the splits is long enough or rigid.
+    Raises: InputError if no clip of the splits is rigid and long enough.
     """
 
     def __init__(
@@ -70,12 +70,12 @@ class WindowPool:
         cache_mb: float = 256,
         device: torch.device = _CPU,
     ):
-        # A rigid clip names the bones it rides on; a dense one has none.
+        # A rigid clip refers to a set of bones; a dense one has none.
         rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames and row.skeleton]
         if not rows:
             raise InputError(
                 f"The tpc artefact has no rigid clip of {least_frames} frames in {', '.join(splits)}.",
-                "Give longer clips, or splits that name some.",
+                "Give longer clips, or splits that have some.",
             )
         self._load_skeletons(reader, sorted({row.skeleton for row in rows}))
         self._cache = FrameCache(reader, cache_mb)
@@ -109,7 +109,7 @@ class WindowPool:
         return device.type == "cuda" and wanted < _DEVICE_SHARE * torch.cuda.mem_get_info(device)[0]
 
     def _keep_all_frames(self) -> None:
-        """All clips' frames one after the other, (F, J, 7), and where each begins, on the device."""
+        """The frames of all clips, concatenated, (F, J, 7), and each clip's first index, on the device."""
         frames = torch.zeros(int(self.lengths.sum()), self.tails.shape[1], 7)
         frames[..., 6] = 1
         self._begins = np.cumsum(self.lengths) - self.lengths
@@ -135,9 +135,11 @@ class WindowPool:
         proportions: float = 1.0,
         as_recorded: np.ndarray | None = None,
     ) -> Windows:
-        """Windows of up to `window` frames at random places, if `augment` with their playback speed varied and bones
-        up to `proportions` times as long or short, but for those that stay `as_recorded` (B,) bool; each is drawn
-        from its own generator (`rows_of`)."""
+        """Windows of up to `window` frames at random places, each drawn from its own generator (`rows_of`).
+
+        With `augment` the playback speed is varied and bones are scaled by factors of up to `proportions`, except in
+        the windows that are `as_recorded` (B,) bool.
+        """
         other = _other(augment, as_recorded, batch)
         chance = np.stack([row.random(3) for row in rows_of(rng, batch)])
         clips = np.minimum(np.searchsorted(self._chances, chance[:, 0], side="right"), len(self.lengths) - 1)
@@ -150,7 +152,7 @@ class WindowPool:
         return with_other_proportions(windows, np.where(other, proportions, 1.0), rng)
 
     def at(self, clips: np.ndarray, first: np.ndarray, window: int) -> Windows:
-        """The windows of given clips (by index) from given first frames."""
+        """The windows of given clips (indices) at given first frames."""
         return self._read(clips, first.astype(np.float64), np.ones(len(clips)), window)
 
     def _read(self, clips: np.ndarray, first: np.ndarray, speed: np.ndarray, window: int) -> Windows:
@@ -195,7 +197,7 @@ class WindowPool:
 
 
 def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) -> np.ndarray:
-    """Each clip's probability: its data set's share, divided by frames within the data set."""
+    """Each clip's probability: its data set's share, divided within the data set in proportion to frames."""
     sets = np.array([source.split("!")[0] if "!" in source else str(Path(source).parent) for source in sources])
     share = np.zeros(len(sets))
     for name in np.unique(sets):
@@ -207,7 +209,7 @@ def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) ->
 
 @dataclass
 class CloudMap:
-    """Draws that turn windows of transforms into clouds; the same draws serve a motion and its interpolation.
+    """Random draws that turn windows of transforms into clouds; a motion and its interpolation use the same draws.
 
     bones (B, P) int64, in_bone (B, P, 3), groups (B, P) int64 after mirroring, sigma (B,) metres, turn (B, 3, 3) of
     yaw, mirror and size, shift (B, 1, 1, 3) metres.
@@ -221,7 +223,7 @@ class CloudMap:
     shift: Tensor
 
     def redrawn(self, windows: Windows, rng: np.random.Generator) -> CloudMap:
-        """Another draw of points, as many in each body group, placed alike."""
+        """Another draw of points, with the same number in each body group and the same placement."""
         same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.bones).unsqueeze(2)).float()
         draws = [_draw_points(row, self.bones.shape[1]) for row in rows_of(rng, len(self.bones))]
         chance, alphas, offsets = _stacked(draws, windows.heads.device)
@@ -239,9 +241,12 @@ def draw_clouds(
     even: bool = False,
     as_recorded: np.ndarray | None = None,
 ) -> CloudMap:
-    """Draw points and a placing for each window: yaw over the whole circle, up to half a metre on each axis, and
-    with `augment` mirror and size (those `as_recorded`, (B,) bool, keep their size). `even`: points are spread evenly
-    (`spread_points`). Each window's are drawn from its own generator (`rows_of`)."""
+    """Draw points and a placement for each window, from its own generator (`rows_of`).
+
+    The placement is a yaw over the whole circle and a shift of up to half a metre along each axis; with `augment`
+    also mirroring and size, where windows that are `as_recorded` (B,) bool keep their size. `even` spreads points
+    evenly (`spread_points`).
+    """
     rows = rows_of(rng, len(windows.heads))
     device = windows.heads.device
     if even:
@@ -265,7 +270,7 @@ def draw_clouds(
 
 
 def _other(augment: bool, as_recorded: np.ndarray | None, batch: int) -> np.ndarray:
-    """(B,) bool: which windows get another speed, size and build than they were recorded with."""
+    """(B,) bool: windows that get another speed, size and proportions than recorded."""
     return np.full(batch, augment) if as_recorded is None else augment & ~as_recorded
 
 
@@ -275,21 +280,21 @@ def _log_uniform(limits: tuple[float, float], chance: np.ndarray) -> np.ndarray:
 
 
 def _stacked(draws: Sequence[tuple[np.ndarray, ...]], device: torch.device) -> list[Tensor]:
-    """Each window's arrays -> one tensor for each of them, on the device."""
+    """Stack the arrays of all windows: one tensor per array, on the device."""
     return [onto(torch.from_numpy(np.stack(part)), device) for part in zip(*draws, strict=True)]
 
 
 def _draw_points(rng: np.random.Generator, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What decides each point's bone (P,), its place along it (P,) and its offset (P, 3)."""
+    """Random numbers for each point's bone (P,), its place along the bone (P,) and its offset (P, 3)."""
     chance = rng.random(points)
     return chance, rng.random(points, np.float32), rng.standard_normal((points, 3), np.float32)
 
 
 def _chosen(weights: Tensor, chance: Tensor) -> Tensor:
-    """Indices drawn in proportion to weights (..., J), one for each of the uniform numbers `chance` (..., P)."""
+    """Indices drawn in proportion to weights (..., J), by the uniform numbers `chance` (..., P)."""
     ends = weights.double().cumsum(-1)
     total = ends[..., -1:]
-    # Just under the total at most: what has no weight is never chosen, not even by rounding.
+    # Less than the total, so that rounding never chooses an index without weight.
     place = torch.minimum(chance * total, torch.nextafter(total, torch.zeros_like(total)))
     return torch.searchsorted(ends, place.contiguous(), right=True)
 
@@ -305,12 +310,12 @@ def _turns(yaw: np.ndarray, size: np.ndarray, flip: np.ndarray) -> np.ndarray:
 
 
 def clouds_of(heads: Tensor, rotations: Tensor, cloud: CloudMap, centre: Tensor) -> Tensor:
-    """Points (B, T, P, 3) of transforms under the draws of `cloud`; `centre` (B, 1, 1, 3) goes to the origin."""
+    """Points (B, T, P, 3) of transforms with the draws of `cloud`; `centre` (B, 1, 1, 3) is moved to the origin."""
     placed = place_points(heads - centre, rotations, cloud.bones, cloud.in_bone)
     return placed @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
 
 
 def known_centre(heads: Tensor, known: Tensor) -> Tensor:
-    """(B, 1, 1, 3) mean of the root (bone 0) over known frames: only these may place the window."""
+    """(B, 1, 1, 3) mean position of the root (bone 0) over the known frames, the only ones that may be used."""
     weight = onto(known, heads.device).unsqueeze(-1).to(heads.dtype)
     return ((heads[:, :, 0] * weight).sum(1) / weight.sum(1).clamp_min(1)).view(-1, 1, 1, 3)

@@ -1,4 +1,4 @@
-"""Downloads against a server on this machine that cuts connections, changes its file, or knows no ranges."""
+"""Downloads from a local server that cuts connections, changes its file, or does not support ranges."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CONTENT = bytes(range(256)) * 4000  # 1 MB
 
 
 class Behaviour:
-    """What the server does, and what it was asked."""
+    """The server's behaviour, and the requests that it received."""
 
     def __init__(self) -> None:
         self.content = CONTENT
@@ -91,7 +91,7 @@ def test_a_plain_download_leaves_the_file_and_nothing_else(server, tmp_path: Pat
     assert [path.name for path in tmp_path.iterdir()] == ["walks.zip"]
 
 
-def test_what_is_there_whole_is_not_asked_for_again(server, tmp_path: Path):
+def test_a_complete_file_is_not_requested_again(server, tmp_path: Path):
     behaviour, url = server
     _fetch(_file(url), tmp_path)
     behaviour.asked.clear()
@@ -162,14 +162,14 @@ def test_more_than_was_stated_is_refused(server, tmp_path: Path):
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_the_servers_refusal_is_told(server, tmp_path: Path):
+def test_the_servers_refusal_is_reported(server, tmp_path: Path):
     behaviour, url = server
     behaviour.status = 404
     with pytest.raises(PumpsError, match="404"):
         _fetch(_file(url), tmp_path)
 
 
-def test_too_little_room_is_told_before_anything_is_asked(server, tmp_path: Path):
+def test_too_little_space_is_reported_before_any_request(server, tmp_path: Path):
     behaviour, url = server
     with pytest.raises(PumpsError, match="left"):
         _fetch(_file(url, bytes=10**18), tmp_path)
@@ -226,7 +226,7 @@ def test_our_catalogue_states_a_checksum_and_a_licence_for_every_file():
 
 
 @pytest.mark.parametrize("name", ["../walks.zip", "a/b.zip", ".hidden", "", "/etc/passwd"])
-def test_a_catalogue_whose_files_climb_out_is_refused(tmp_path: Path, name: str):
+def test_a_catalogue_whose_file_names_lead_out_of_the_folder_is_refused(tmp_path: Path, name: str):
     path = _catalogue(tmp_path, "http://127.0.0.1/x")
     path.write_text(path.read_text().replace('name = "walks.zip"', f'name = "{name}"'))
     with pytest.raises(InputError, match="plain file name"):

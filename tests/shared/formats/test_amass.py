@@ -1,4 +1,4 @@
-"""AMASS: every layout, the subject's own joints, what is missing, and no pickle ever loaded."""
+"""AMASS: every layout, the subject's own joints, missing facts; pickles are never loaded."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _by_matrices(layout: str, offsets: np.ndarray, pelvis: np.ndarray, vectors: 
 
 
 @pytest.mark.parametrize("layout", ["body", "smpl", "smplh", "smplx"])
-def test_joints_of_the_neutral_figure(layout: str) -> None:
+def test_joints_of_the_neutral_body(layout: str) -> None:
     recording = _read(old_layout(layout))
     skeleton = recording.skeleton
     rest = neutral_joints(layout)
@@ -56,13 +56,13 @@ def test_joints_of_the_neutral_figure(layout: str) -> None:
     expected = _by_matrices(layout, np.array(rest.offsets), np.zeros(3), pose_vectors(layout), trans)
     assert np.allclose(_heads(recording, layout), expected, atol=1e-5)
     assert skeleton.up_axis == "z" and skeleton.unit_m == 1 and skeleton.names[skeleton.root] == "pelvis"
-    assert recording.motion.fps == 120 and recording.notes == [] and "neutral figure" in recording.remarks[0]
+    assert recording.motion.fps == 120 and recording.notes == [] and "neutral body" in recording.remarks[0]
     counts = np.bincount(skeleton.groups[skeleton.sampled], minlength=len(BODY_GROUPS))
     assert counts[1] == counts[2] >= 3 and counts[3] == counts[4] >= 3 and counts[0] >= 5
     assert not any("index" in n or "eye" in n for n, s in zip(skeleton.names, skeleton.sampled, strict=True) if s)
 
 
-def test_both_layouts_say_the_same() -> None:
+def test_both_layouts_give_the_same_motion() -> None:
     whole = np.concatenate([pose_vectors("smplx")], axis=1)
     parts, poses = _read(new_layout()), _read(new_layout(poses=whole, root_orient=None, pose_body=None))
     assert np.array_equal(parts.motion.rotations, poses.motion.rotations) and parts.motion.fps == 100
@@ -72,7 +72,7 @@ def test_both_layouts_say_the_same() -> None:
     assert np.array_equal(_read(old_layout(poses=cube)).motion.rotations, _read(old_layout()).motion.rotations)
 
 
-def test_the_neutral_figure_is_a_plausible_person() -> None:
+def test_the_neutral_body_is_a_plausible_person() -> None:
     recording = _read(
         old_layout(poses=np.tile([np.pi / 2, 0, 0] + [0.0] * 153, (3, 1)), trans=np.zeros((3, 3)), frames=3)
     )
@@ -116,7 +116,7 @@ def test_joints_agree_with_the_smplx_package(tmp_path: Path) -> None:
     assert np.allclose(_heads(recording, "smpl"), out.joints[:, :24].detach().numpy(), atol=1e-4)
 
 
-def test_what_is_missing_is_taken_for_granted_and_told(tmp_path: Path) -> None:
+def test_missing_facts_are_assumed_and_reported(tmp_path: Path) -> None:
     body_model(tmp_path / "smplh" / "neutral" / "model.npz", "smplh")
     recording = _read(old_layout(gender=None, betas=None, dmpls=None), body_models=tmp_path)
     assert any("neutral" in remark for remark in recording.remarks) and any("betas" in r for r in recording.remarks)
@@ -148,7 +148,7 @@ def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
         (npz(betas=np.zeros(10)), "neither poses nor root_orient"),
         (old_layout(mocap_framerate=None), "no mocap_framerate"),
         (old_layout(mocap_framerate=np.array(0.0)), "0 frames a second"),
-        (old_layout(poses=np.zeros((8, 100))), "100 wide"),
+        (old_layout(poses=np.zeros((8, 100))), "100 numbers wide"),
         (old_layout(poses=np.zeros((0, 156))), "expected frames"),
         (old_layout(poses=np.full((8, 156), np.nan)), "not finite in frame 0"),
         (old_layout(poses=np.full((8, 156), "a")), "no numbers"),
@@ -166,7 +166,7 @@ def test_bad_files_are_refused_with_the_key(data: bytes, says: str) -> None:
 
 
 def test_a_model_that_is_missing_or_damaged(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=re.escape("smplh/male/model.npz is not there")):
+    with pytest.raises(InputError, match=re.escape("smplh/male/model.npz nor a variant of its name")):
         _read(old_layout(), body_models=tmp_path)
     path = tmp_path / "smplh" / "male" / "model.npz"
     path.parent.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""ASF/AMC: joints where the format's definition puts them, every spelling, and clear words for what is wrong."""
+"""ASF/AMC: joints are where the format's definition puts them, in every spelling; errors name the fault."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_frames_line_by_line_are_the_frames_at_once() -> None:
     assert np.array_equal(read_amc(spaced, "t.amc", skeleton).values, whole.values)
 
 
-def test_blocks_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_give_the_same_result(monkeypatch: pytest.MonkeyPatch) -> None:
     text = AsfText(frames=9)
     skeleton = read_asf(text.asf(), "t.asf")
     whole = read_amc(text.amc(), "t.amc", skeleton).values
@@ -106,12 +106,12 @@ def test_a_clip_can_be_given_as_bvh() -> None:
     [
         (b"     name lfemur\n", b"", "no name"),
         (b"     name rfemur", b"     name lfemur", "twice"),
-        (b"     length 7.2\n", b"", "lacks its direction or length"),
+        (b"     length 7.2\n", b"", "has no direction or no length"),
         (b"length 7.2\n", b"length many\n", "line 27"),
         (b"dof rx ry rz", b"dof rx ry ry", "each once"),
         (b"ltibia lfoot", b"ltibia lfoot lfoot", "two parents"),
         (b"ltibia lfoot", b"ltibia lfut", "'lfut'"),
-        (b"lhipjoint lfemur", b"ltibia lfemur", "hangs on nothing"),
+        (b"lhipjoint lfemur", b"ltibia lfemur", "is not connected to the root"),
         (b":bonedata", b":bones", "bonedata"),
         (b"  end\n:hierarchy", b":hierarchy", "has no end"),
         (b"20.0  XYZ", b"20.0  XYY", "XYZ in some order"),
@@ -129,7 +129,7 @@ def test_bad_skeletons_are_refused_with_line_and_bone(old: bytes, new: bytes, sa
     ("old", "new", "says"),
     [
         (b"\n3\n", b"\n3\nlfoot 1 2\n", "twice"),
-        (b"\nltibia ", b"\nltibia 7 ", "2 values and 1 channels (rx)"),
+        (b"\nltibia ", b"\nltibia 7 ", "2 values for 1 channels (rx)"),
         (b"\nltibia ", b"\nltobia ", "no bone 'ltobia'"),
         (b"\nhead ", b"\nhead nan ", "head"),
         (b":DEGREES\n1\n", b":DEGREES\nframe 1\n", "number of the first frame"),
@@ -148,5 +148,5 @@ def test_a_cut_motion_and_a_missing_skeleton() -> None:
     text = AsfText(newline="\n")
     with pytest.raises(InputError, match=r"lfoot|rhand"):
         read_amc(text.amc()[:-60], "cut.amc", read_asf(text.asf(), "t.asf"))
-    with pytest.raises(InputError, match="no ASF lies beside"):
+    with pytest.raises(InputError, match="there is no ASF in its folder"):
         read_asf_amc(text.amc(), "alone.amc", Asked())

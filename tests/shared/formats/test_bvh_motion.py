@@ -80,7 +80,7 @@ def test_z_up_is_turned_to_y_up() -> None:
     assert (heads[:, skeleton.names.index("Head"), 1] > heads[:, skeleton.names.index("LeftFoot"), 1] + 1.0).all()
 
 
-def test_one_who_lies_down_is_still_y_up() -> None:
+def test_a_body_that_lies_down_is_still_y_up() -> None:
     text = BvhText()
     values = text.values()
     values[:, 1], values[:, 3:6] = 15.0, (0.0, 90.0, 0.0)
@@ -191,7 +191,7 @@ def test_key_rows_alone_give_the_same_skeleton() -> None:
     assert np.allclose(agree, 1, atol=1e-6)
 
 
-def test_long_clips_are_chained_in_blocks_that_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_clips_computed_in_blocks_give_the_same_result(monkeypatch: pytest.MonkeyPatch) -> None:
     text = BvhText(frames=50, z_up=True)
     _, _, whole, _ = _read(text)
     monkeypatch.setattr("stages.shared.formats.figure._BLOCK", 7)

@@ -1,4 +1,4 @@
-"""The reader takes every spelling of a BVH that is met, and says clearly what is wrong with the others."""
+"""The reader accepts every spelling of a BVH found in public data, and names the faults of other files."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_rows_broken_over_lines_are_joined() -> None:
     assert np.array_equal(read_bvh(broken.encode(), "a").values, read_bvh(text.encode(), "a").values)
 
 
-def test_bytes_that_are_no_utf8_survive() -> None:
+def test_bytes_that_are_not_utf8_are_kept() -> None:
     data = BvhText().data().replace(b"LeftHand", b"M\xe3o_L hand")
     bvh = read_bvh(data, "a")
     assert bvh.header.encode(bvh.encoding) in data
@@ -107,7 +107,7 @@ def _edited(old: str, new: str, count: int = 1) -> bytes:
         (_edited("Frames: 12", "Frames: many"), "'many'"),
         (_edited("Frames: 12\n", ""), "Frames"),
         (_edited("JOINT Spine", "ROOT Spine"), "second ROOT 'Spine'"),
-        (_edited("JOINT LeftLeg", "JOINT LeftUpLeg"), "'LeftUpLeg' stands twice"),
+        (_edited("JOINT LeftLeg", "JOINT LeftUpLeg"), "'LeftUpLeg' is defined twice"),
         (_edited("CHANNELS 3 Zrotation", "CHANNELS 4 Zrotation"), "line 9"),
         (_edited("CHANNELS 3 Zrotation", "CHANNELS 3 Wrotation"), "'Spine'"),
         (_edited("CHANNELS 3 Zrotation", "CHANNELS 3 Yrotation"), "twice"),
@@ -116,10 +116,10 @@ def _edited(old: str, new: str, count: int = 1) -> bytes:
         (_edited("OFFSET 0.000000 20.000000", "OFFSET 0.000000 inf"), "finite"),
         (_edited("OFFSET 0.000000 20.000000 0.000000\n", "\n"), "'Spine' has no OFFSET"),
         (_edited("JOINT Spine", "JOINT"), "no name"),
-        (_edited("JOINT Spine", "JOINT Spine }"), "'}' stands outside the braces"),
+        (_edited("JOINT Spine", "JOINT Spine }"), "'}' is outside the braces"),
         (_edited("JOINT Spine", "KNEE Spine"), "'KNEE'"),
         (_edited("}\nMOTION", "MOTION"), "never closed"),
-        (_edited("}\nMOTION", "}\n}\nMOTION"), "closes nothing"),
+        (_edited("}\nMOTION", "}\n}\nMOTION"), "'}' has no matching '{'"),
         (_edited("ROOT Hips\n{", "ROOT Hips\n{\n{"), "'{'"),
         (_edited("End Site\n          {", "End Site\n          {\nEnd Site\n{"), "End Site"),
     ],

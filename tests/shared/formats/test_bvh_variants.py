@@ -1,4 +1,4 @@
-"""The variants of BVH that are met in the wild, each read to the same motion as the plain spelling of it."""
+"""Variants of BVH found in public data: each gives the same motion as the plain spelling."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_no_end_sites() -> None:
 
 
 def test_positions_on_all_joints() -> None:
-    """As exporters write that repeat the offsets in every row: no joint moves against its parent, so no tracks."""
+    """Some exporters repeat the offsets in every row: no joint moves relative to its parent, so there is no track."""
     skeleton, motion = _motion(BvhText(placed=tuple(NAMES)).data())
     _same_body(BvhText(placed=tuple(NAMES)).data(), BvhText().data())
     assert len(motion.track_joints) == 0 and skeleton.joints == 21
@@ -90,7 +90,7 @@ def test_three_and_six_channels_mixed() -> None:
 def test_several_roots_are_refused_by_name_and_line() -> None:
     second = BvhText(names={name: f"B_{name}" for name in NAMES}).header().partition("HIERARCHY\n")[2]
     head, _, rest = BvhText().text().partition("MOTION")
-    with pytest.raises(InputError, match=r"line \d+: a second ROOT 'B_Hips' follows 'Hips'") as caught:
+    with pytest.raises(InputError, match=r"line \d+: there is a second ROOT 'B_Hips' after 'Hips'") as caught:
         read_bvh((head + second + "MOTION" + rest).encode(), "two.bvh")
     assert "Split the file" in (caught.value.hint or "")
 

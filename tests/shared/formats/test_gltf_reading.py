@@ -1,4 +1,4 @@
-"""glTF skins as motion: joints where the nodes put them, every kind of curve, clear words for what is not read."""
+"""glTF skins as motion: joints are where the nodes put them, all kinds of curve; errors name what is not read."""
 
 from __future__ import annotations
 
@@ -112,20 +112,20 @@ def _loop(scene: dict) -> None:
         (lambda s: s.pop("animations"), "no animation"),
         (lambda s: s["nodes"][3].update(scale=[1, 2, 1]), "scaled unevenly"),
         (lambda s: s["nodes"][0].update(scale=[1, 2, 1]), "scaled unevenly"),
-        (lambda s: s["nodes"][3].update(rotation=[0, 0, 0, 0]), "no length"),
+        (lambda s: s["nodes"][3].update(rotation=[0, 0, 0, 0]), "zero length"),
         (lambda s: s["nodes"][3].update(rotation=[0, 0, 1]), "4 finite numbers"),
         (_loop, "two parents"),
         (lambda s: s["nodes"][3].update(children=[-1]), "entry -1 of its nodes"),
         (lambda s: s["accessors"][1].update(count=10**9), "beyond its buffer"),
-        (lambda s: s["accessors"][1].update(count=0), "cannot be"),
-        (lambda s: s["accessors"][1].update(count=4), "9 times and values of the shape (4, 4)"),
+        (lambda s: s["accessors"][1].update(count=0), "impossible count"),
+        (lambda s: s["accessors"][1].update(count=4), "9 times but values of the shape (4, 4)"),
         (lambda s: s["accessors"][1].update(componentType=9), "no sound glTF"),
         (lambda s: s["accessors"][1].pop("bufferView"), "sparse"),
         (lambda s: s["bufferViews"][1].update(byteLength=10**9), "beyond its buffer"),
         (lambda s: s["buffers"][0].update(uri="walk.bin"), "in another file"),
         (lambda s: s["animations"][0]["samplers"][0].update(interpolation="WAVY"), "WAVY"),
         (lambda s: s["asset"].update(version="1.0"), "no glTF 2.0"),
-        (lambda s: s.update(nodes={}), "no list of objects"),
+        (lambda s: s.update(nodes={}), "must be a list of objects"),
         (lambda s: s["skins"][0].update(joints=["a"]), "entry a of its nodes"),
     ],
 )
@@ -140,5 +140,5 @@ def test_a_cut_file_and_a_long_animation() -> None:
     with pytest.raises(InputError, match=r"truncated|cut off"):
         _read(data[:-50])
     long = GltfText(frames=2, fps=1 / 30_000)
-    with pytest.raises(InputError, match="more than so small a file tells"):
+    with pytest.raises(InputError, match="too long for a file of its size"):
         _read(long.data())

@@ -60,7 +60,7 @@ def _misses(angles: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.linalg.norm(apart, axis=-1)[:, HINGES.leaves].mean(axis=1)
 
 
-def test_a_free_motion_is_come_near_to_without_jumps() -> None:
+def test_a_free_motion_is_approximated_without_jumps() -> None:
     wanted = _freely_turned()
     own, left_over = hinge_fit._own_turns(HINGES, wanted)
     found = fit_hinges(HINGES, wanted, 30.0)
@@ -70,7 +70,7 @@ def test_a_free_motion_is_come_near_to_without_jumps() -> None:
     assert np.abs(np.diff(found.angles, axis=0)).max() < np.radians(25)
 
 
-def test_frames_that_hinges_can_do_stand_fast_among_others() -> None:
+def test_frames_that_hinges_can_reproduce_are_not_changed() -> None:
     angles = some_rows(40)[:, 7:]
     wanted = _pose(HINGES, angles).astype(np.float64)
     wanted[10:30] = _freely_turned(40)[10:30]
@@ -80,7 +80,7 @@ def test_frames_that_hinges_can_do_stand_fast_among_others() -> None:
     assert np.allclose(found.angles[30:], angles[30:], atol=1e-5)
 
 
-def test_limits_hold_and_are_told() -> None:
+def test_limits_hold_and_are_reported() -> None:
     narrow = robot_rig(RobotText(limits=(-0.2, 0.3)).urdf(), "t.urdf").hinges
     angles = some_rows(40)[:, 7:]
     beyond = narrow.beyond(angles)

@@ -1,4 +1,4 @@
-"""Files made to cost much: work stays in proportion to their size, memory below 64 MB and ten times their size."""
+"""Hostile files: work is in proportion to their size, memory is below 64 MB plus ten times their size."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ SAMPLES: dict[str, tuple[str, Callable[[], bytes], bytes]] = {
 
 
 @pytest.mark.parametrize("sample", SAMPLES)
-def test_work_and_memory_follow_the_size(sample: str) -> None:
+def test_work_and_memory_are_in_proportion_to_the_size(sample: str) -> None:
     chosen, make, rig = SAMPLES[sample]
     data, reader = make(), format_named(chosen)
     asked = Asked(rig=rig, rig_name="rig" if rig else "", trim_first="auto")

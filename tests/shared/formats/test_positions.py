@@ -87,7 +87,7 @@ def test_tables_in_any_spelling_are_the_same(joint: str, separator: str) -> None
     assert np.allclose(recording.motion.rotations, expected.motion.rotations, atol=1e-6)
 
 
-def test_joints_that_nothing_measures_are_stiff() -> None:
+def test_joints_without_measurements_are_stiff() -> None:
     names, places, _ = _truth()
     kept = [i for i, name in enumerate(names) if name not in ("LeftShoulder", "RightShoulder", "Neck", "Spine")]
     recording = _read(_csv([names[i] for i in kept], places[:, kept]), rig=RIG.data(), rig_name="rig.bvh")
@@ -160,7 +160,7 @@ def test_names_and_parents_alone(tmp_path: Path) -> None:
     assert np.abs(_places(inside, names) * 100 - places).max() < 0.3
 
 
-def test_gaps_are_bridged_and_told() -> None:
+def test_gaps_are_interpolated_and_reported() -> None:
     names, places, _ = _truth()
     holed = places.copy()
     holed[5:7, names.index("LeftHand")] = np.nan
@@ -208,7 +208,7 @@ NAMES, PLACES, _ = _truth()
 @pytest.mark.parametrize(
     ("data", "options", "says"),
     [
-        (_npy(PLACES), {}, "no joints' names and parents"),
+        (_npy(PLACES), {}, "no joint names and parents"),
         (_npy(PLACES[:, :5]), {"rig": RIG.data(), "rig_name": "rig.bvh"}, "5 joints without names"),
         (_npy(PLACES), {"rig_name": "h36m17"}, "the list h36m17 has 17"),
         (_npy(PLACES[..., :2]), {"rig_name": "h36m17"}, "expected frames, joints and 3"),
@@ -217,7 +217,7 @@ NAMES, PLACES, _ = _truth()
         (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Head.y"), {"rig": RIG.data()}, "twice"),
         (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Hood.z"), {"rig": RIG.data()}, "needs x, y and z"),
         (_csv(list(NAMES), PLACES).replace(b"Head.", b"Hood."), {"rig": RIG.data()}, "no joint 'Hood'"),
-        (npz(joints=PLACES, names=np.array(["a"])), {"rig": RIG.data(), "rig_name": "r"}, "21 joints and 1 names"),
+        (npz(joints=PLACES, names=np.array(["a"])), {"rig": RIG.data(), "rig_name": "r"}, "21 joints but 1 names"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.full(21, 3)), {}, "0 roots"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.arange(-1, 20) * 0 - 1), {}, "21 roots"),
         (npz(names=np.array(["a"])), {}, "no array of positions"),

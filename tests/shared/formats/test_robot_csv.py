@@ -76,7 +76,7 @@ def test_a_first_line_of_names_gives_the_order() -> None:
 
 
 @pytest.mark.parametrize("header", ["", "root_x,root_y,root_z,root_qx,root_qy,root_qz,root_qw,a_joint"])
-def test_content_tells_the_format(header: str) -> None:
+def test_the_format_is_recognised_by_content(header: str) -> None:
     found = recognise(csv_of(some_rows(), header), "any.csv")
     assert found is not None and found.name == "robot"
     for other in (b"Hips.x,Hips.y,Hips.z\n1,2,3\n", b"root_x,root_y,root_z,head_x,head_y,head_z\n"):
@@ -85,7 +85,7 @@ def test_content_tells_the_format(header: str) -> None:
     assert recognise(b"name,age\nBo,3\n", "any.csv") is None and recognise(b"1,2,3\n", "any.csv") is None
 
 
-def test_the_rate_comes_from_the_user_or_is_taken() -> None:
+def test_the_rate_comes_from_the_user_or_is_assumed() -> None:
     assert _read(csv_of(some_rows()), fps_override=60.0).motion.fps == 60
     usual = _read(csv_of(some_rows()))
     assert usual.motion.fps == 30 and "30" in usual.remarks[0] and usual.notes == []
@@ -122,7 +122,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("data", "words"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_is_said(data: bytes, words: str) -> None:
+def test_faults_are_reported(data: bytes, words: str) -> None:
     with pytest.raises(InputError) as caught:
         _read(data)
     assert words in f"{caught.value.message} {caught.value.hint}" and "t.csv" in caught.value.message

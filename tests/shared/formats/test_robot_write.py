@@ -64,7 +64,7 @@ def test_another_skeleton_is_refused_with_what_differs() -> None:
         assert words in caught.value.message and "retarget" in (caught.value.hint or "")
 
 
-def test_limits_and_hinges_are_told() -> None:
+def test_limits_and_hinges_are_reported() -> None:
     recording = _read(csv_of(some_rows(30)))
     narrow = robot_rig(RobotText(limits=(-0.2, 0.3)).urdf(), "t.urdf")
     free = rows_of_motion(narrow, recording.skeleton, recording.motion, "t")

@@ -1,4 +1,4 @@
-"""The user's word on a rig: printed, given back, taken over; and every fault of it told at once."""
+"""Skeleton maps: printed, read back, used; all faults of a map are reported at once."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ right_leg = ["LeftUpLeg", "LeftFoot"]
 """
 
 
-def test_the_map_has_the_last_word(tmp_path: Path) -> None:
-    """Sides exchanged against the names, a toe and a forearm put elsewhere, unit and up axis overruled."""
+def test_a_map_overrides_what_is_found(tmp_path: Path) -> None:
+    """Sides swapped against the names, a toe and a forearm in other groups, unit and up axis overridden."""
     text = 'unit_m = 0.02\nup = "z"\noutside = ["Neck"]\n' + CHAINS.replace(', "Head"', ', "Chest"')
     text += '[beside]\nspine = ["LeftToe"]\n'
     bvh = read_bvh(BvhText().data(), "a")
@@ -64,7 +64,7 @@ def test_the_map_has_the_last_word(tmp_path: Path) -> None:
     assert (skeleton.unit_m, skeleton.up_axis) == (0.02, "z")
 
 
-def test_a_map_makes_a_body_of_what_is_not_recognised(tmp_path: Path) -> None:
+def test_a_map_makes_an_unrecognised_rig_readable(tmp_path: Path) -> None:
     names = {name: f"b{i}" for i, name in enumerate(("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe"))}
     text = BvhText(names=names).data().replace(b"0.000000 -42.000000 1.000000", b"0 0 0").replace(b"-41.0", b"-01.0")
     with pytest.raises(InputError, match="no humanoid"):
@@ -76,7 +76,7 @@ def test_a_map_makes_a_body_of_what_is_not_recognised(tmp_path: Path) -> None:
     assert BODY_GROUPS[skeleton.groups[skeleton.names.index("b2")]] == "right_leg"
 
 
-def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     text = 'units = 3\nup = "q"\nunit_m = -1\n' + CHAINS.replace("RightHand", "RightHnd") + 'tail = ["Hips"]\n'
     text = text.replace('["LeftUpLeg", "LeftFoot"]', "3").replace('"Head"', '"Haed"')
     bvh = read_bvh(BvhText().data(), "a.bvh")
@@ -90,19 +90,19 @@ def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
         assert part in said
 
 
-def test_chains_that_do_not_run_down_the_rig_are_told_at_once(tmp_path: Path) -> None:
+def test_chains_that_do_not_run_down_the_rig_are_reported_at_once(tmp_path: Path) -> None:
     text = 'pelvis = "Spine"\n' + CHAINS.replace('["RightShoulder", "RightHand"]', '["RightHand", "RightShoulder"]')
     text = text.replace('"LeftFoot"', '"RightToe"')
     with pytest.raises(InputError) as caught:
         motion_of(read_bvh(BvhText().data(), "a"), skeleton_maps=(_map(tmp_path, text),))
     for part in (
-        "left_arm 'RightShoulder' does not hang below 'RightHand'", "'RightToe' does not hang below 'LeftUpLeg'",
-        "left_leg begins at 'RightUpLeg', which does not lie below 'Spine'",
+        "left_arm 'RightShoulder' is not below 'RightHand'", "'RightToe' is not below 'LeftUpLeg'",
+        "left_leg begins at 'RightUpLeg', which is not below 'Spine'",
     ):  # fmt: skip
         assert part in caught.value.message
 
 
-def test_each_rig_takes_the_map_that_fits_it(tmp_path: Path) -> None:
+def test_each_rig_uses_the_map_that_matches_it(tmp_path: Path) -> None:
     mine, other = _map(tmp_path, CHAINS), SkeletonMap("other", ((("x",)), ("y",), ("z",), ("u",), ("v",)))
     assert choose_map((other, mine), _joint_names()) is mine
     assert choose_map((other,), _joint_names()) is None

@@ -37,7 +37,7 @@ def test_everything_is_found_once_in_order(tmp_path: Path) -> None:
     assert find_sources([found[3].name]) == [found[3]]
 
 
-def test_an_archive_that_changed_is_opened_anew(tmp_path: Path) -> None:
+def test_an_archive_that_changed_is_opened_again(tmp_path: Path) -> None:
     path = _archive(tmp_path / "a.zip", {"x.bvh": b"old"})
     assert find_sources([str(path)])[0].read() == b"old"
     _archive(path, {"x.bvh": b"newer", "y.bvh": b"y"})
@@ -45,9 +45,9 @@ def test_an_archive_that_changed_is_opened_anew(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../up.bvh", "/abs.bvh", "a/../../b.bvh", "C:/x.bvh", "..\\up.bvh"])
-def test_members_that_climb_out_are_refused(tmp_path: Path, name: str) -> None:
+def test_members_that_lead_out_of_the_archive_are_refused(tmp_path: Path, name: str) -> None:
     path = _archive(tmp_path / "evil.zip", {"ok.bvh": b"-", name: b"-"})
-    with pytest.raises(InputError, match="climbs out"):
+    with pytest.raises(InputError, match="leads out"):
         find_sources([str(path)])
 
 
@@ -93,8 +93,8 @@ def test_links_and_devices_in_a_tar_are_passed_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../up.bvh", "/abs.bvh", "a/../../b.bvh"])
-def test_tar_members_that_climb_out_are_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match="climbs out"):
+def test_tar_members_that_lead_out_of_the_archive_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="leads out"):
         find_sources([str(_tar(tmp_path / "evil.tar.gz", {"ok.bvh": b"-", name: b"-"}))])
 
 

@@ -64,7 +64,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("data", "words"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_is_said_at_once(data: bytes, words: str) -> None:
+def test_faults_are_reported_before_more_is_read(data: bytes, words: str) -> None:
     begun = time.process_time()
     with pytest.raises(InputError) as caught:
         read_urdf(data, "t.urdf")

@@ -1,4 +1,4 @@
-"""Networks grown deeper go on from weights of fewer layers, and do at first what these did."""
+"""Deepened networks start from weights of fewer layers and at first have the same output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A training that is killed outright goes on where it was, and ends as if nothing had happened."""
+"""A training that is killed resumes where it was, and ends with the same result."""
 
 import random
 import signal

@@ -106,7 +106,7 @@ def test_a_run_goes_on_where_its_data_were_moved_but_not_with_other_data(clouds,
     assert any("going on from step" in text for text in said)
 
 
-def test_time_that_is_over_leaves_a_run_to_go_on_with(clouds, tmp_path):
+def test_a_run_stopped_by_max_time_can_be_resumed(clouds, tmp_path):
     report = run(config_for(clouds, tmp_path / "ae", max_time=1e-9))
     assert not report.figures["finished"]
     assert report.figures["step"] == 1

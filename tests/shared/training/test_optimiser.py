@@ -33,7 +33,7 @@ def descend(networks: nn.Module, optimiser: Optimiser, steps: int, seed: int = 0
         optimiser.step(0.02)
 
 
-def test_only_matrices_of_repeated_layers_are_muons():
+def test_muon_updates_only_matrices_of_repeated_layers():
     sizes = SynthesiserSizes(width=12, heads=2, key_layers=1, fill_layers=1, frame_layers=1)
     network = LatentSynthesiser(8, sizes)
     inner = inner_matrices(network)
@@ -42,7 +42,7 @@ def test_only_matrices_of_repeated_layers_are_muons():
     assert left == {"embed_key.weight", "embed_missing.weight", "out.weight"}
 
 
-def test_muon_makes_all_singular_values_of_a_step_alike(tmp_path):
+def test_muon_makes_all_singular_values_of_a_step_equal(tmp_path):
     """The first step goes along U V^T of the gradient's decomposition, as long as AdamW's step would be."""
     networks = TwoParts()
     optimiser = Optimiser(networks, config(tmp_path))
@@ -77,7 +77,7 @@ def test_adamw_is_torchs_own(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["adamw", "muon"])
-def test_moments_go_on_from_what_was_kept(tmp_path, kind):
+def test_moments_are_restored(tmp_path, kind):
     whole, parted = TwoParts(), TwoParts()
     parted.load_state_dict(whole.state_dict())
     settings = config(tmp_path, optimiser=kind)

@@ -51,7 +51,7 @@ def assert_same_training(one, other):
     assert all(np.abs(mine[name] - its[name]).max() < 1e-4 for name in mine)
 
 
-def test_two_processes_train_as_one_and_the_first_alone_writes_and_tells(clouds, whole, tmp_path):
+def test_two_processes_train_as_one_and_only_the_first_writes_and_reports(clouds, whole, tmp_path):
     spread = start_training(clouds, tmp_path / "ae", processes=2, **EXACT)
     said, _ = spread.communicate(timeout=180)
     assert spread.returncode == 0, said
@@ -95,7 +95,7 @@ def test_a_process_that_dies_ends_them_all(clouds, tmp_path):
 
 
 def test_too_few_windows_for_all_parts_are_refused(tmp_path):
-    with pytest.raises(UsageError, match="batch of 3 windows cannot be cut into 4 parts"):
+    with pytest.raises(UsageError, match="batch of 3 windows cannot be split into 4 parts"):
         parts_of(plain_config(tmp_path, batch=3, accumulate=2), Ranks(0, 2), True)
 
 
@@ -119,8 +119,8 @@ def test_the_parts_of_all_processes_make_up_the_batch(tmp_path, processes, accum
     assert [row for part in parts for row in part] == list(range(7))
 
 
-def test_a_task_that_takes_whole_batches_only_says_so(tmp_path):
-    with pytest.raises(UsageError, match="whole batches only"):
+def test_a_task_that_cannot_split_batches_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="cannot split its batches"):
         train(Parabola(), plain_config(tmp_path, accumulate=2), progress=SILENT)
 
 

@@ -71,7 +71,7 @@ def test_windows_come_from_the_file_as_it_is_whatever_is_kept_in_memory(tmp_path
         assert (window.rotations[0].numpy() == rotations[250:270]).all()
 
 
-def test_a_pool_travels_to_another_process(pool):
+def test_a_pool_can_be_sent_to_another_process(pool):
     copy = pickle.loads(pickle.dumps(pool))
     first, second = (each.draw(3, 20, np.random.default_rng(1), augment=True) for each in (pool, copy))
     assert (first.heads == second.heads).all()
