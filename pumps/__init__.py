@@ -7,7 +7,8 @@
     pumps.save(filled, "filled.bvh")
 
 docs/python.md shows each function. Everything else in this package is an implementation detail. Importing it loads no
-torch; functions load it when they need it. Import pumps before torch, so that torch's threads wait as pumps wants it.
+torch; functions load it when they need it. Import pumps before torch, so that torch's waiting threads sleep; where
+torch was imported first, pumps computes in one thread.
 """
 
 from __future__ import annotations

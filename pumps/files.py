@@ -21,7 +21,8 @@ def load(path: PathLike, *, fps: float | None = None, skeleton: PathLike | None 
         fps: true frames per second, where the file states none or a wrong one.
         skeleton: the file that holds the skeleton, for formats that keep it apart (ASF, a robot's URDF).
 
-    Raises: InputError where the file cannot be read, is not a humanoid's, or holds several motions.
+    Raises: InputError where the file cannot be read, is not a humanoid's, or holds several motions; UsageError for an
+        `fps` that is not above 0.
     """
     found = load_clips(path, fps=fps, skeleton=skeleton)
     if len(found) != 1:
@@ -37,6 +38,8 @@ def load_clips(path: PathLike, *, fps: float | None = None, skeleton: PathLike |
     from stages.shared.formats.rig_option import rig_named
     from stages.shared.formats.sources import source_named
 
+    if fps is not None and not 0 < fps < 1e6:
+        raise UsageError(f"fps is {fps}.", "Give frames per second, above 0.")
     source = source_named(os.fspath(path))
     rig, rig_name = rig_named(os.fspath(skeleton)) if skeleton is not None else (b"", "")
     recordings = recordings_in(source, Asked(fps_override=fps, rig=rig, rig_name=rig_name))
@@ -97,7 +100,8 @@ def write_clips(motions: Iterable[Motion], folder: PathLike, *, split: str = "tr
     Args:
         split: "train", "val" or "test", of all of them.
 
-    Raises: UsageError for a folder that exists; InputError for motions that are not finite, or two of one name.
+    Raises: UsageError for a folder that exists, and where there are no motions; InputError for motions that are not
+        finite, or two of one name.
     """
     from data_schemas.artefact import write_artefact
     from data_schemas.clips import ClipRow
@@ -106,6 +110,8 @@ def write_clips(motions: Iterable[Motion], folder: PathLike, *, split: str = "tr
     if Path(folder).exists() and not overwrite:
         raise UsageError(f"{os.fspath(folder)} exists.", "Give overwrite=True to replace it.")
     chosen = list(motions)
+    if not chosen:
+        raise UsageError("No motions were given to write.", "Give at least one.")
     licences = sorted({motion.licence for motion in chosen if motion.licence})
     with (
         write_artefact(folder, "motion", stage="python", config={"split": split}, licences=licences) as draft,

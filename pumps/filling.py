@@ -9,18 +9,25 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from data_schemas.errors import UsageError
 from pumps.motion import Motion
+from stages.shared.threads import one_thread_if_they_spin
 
-Keyframes = str | Iterable[int]
+Frames = str | Iterable[int]
+Times = str | Iterable[float]
 
 
+@one_thread_if_they_spin()
 def infill(
     motion: Motion,
-    keyframes: Keyframes | None = None,
+    keyframes: Frames | None = None,
     *,
-    transition: tuple[int, int] | None = None,
+    transition: str | tuple[int, int] | None = None,
     predict: int | None = None,
+    frames: Frames | None = None,
+    times: Times | None = None,
     weights: str | os.PathLike[str] | None = None,
     foot_lock: bool = True,
     points: int = 256,
@@ -31,21 +38,25 @@ def infill(
 
     Args:
         keyframes: frame numbers (a list, a range, an array), or a text such as "every:15" or "0:10,40:".
-        transition: (A, B): frames A to B - 1 are missing, all others are keys.
+        transition: (A, B), or "A:B": frames A to B - 1 are missing, all others are keys.
         predict: frames to append after the last.
-        weights: a shipped name (`pumps weights list`) or a folder; None for the default. They are loaded once.
+        frames: where the motion holds the keys alone, the frame of the result that each of its frames becomes.
+        times: the same in seconds.
+        weights: a shipped name (`pumps weights list`) or a folder; None for the default. They stay loaded.
         foot_lock: hold feet that stand.
         points: of the cloud. seed: of its points; the same seed gives the same motion.
         device: "auto", "cpu", "cuda" or "mps".
 
     Returns: the filled motion. Saved as a BVH, its key rows are those of the file, byte for byte.
-    Raises: UsageError where it is not said which frames are keys; InputError for frames that are not in the motion.
+    Raises: UsageError where nothing says which frames are keys, or two arguments do; InputError for frames that are
+        not in the motion, and for weights that are not there.
     """
     from stages.infill.config import Config
     from stages.infill.row_files import row_file
     from stages.infill.run import fill_file
     from stages.shared.formats.bvh_of_motion import bvh_of_motion
     from stages.shared.formats.sources import Source
+    from stages.shared.settings.layers import Layer, settle
     from stages.shared.weights.shipped import default_weights
 
     data = motion.source or bvh_of_motion(motion.skeleton, motion.record, motion.name)
@@ -53,23 +64,26 @@ def infill(
     settings = {
         "input": here,
         "output": here,
-        "keyframes": _text_of(keyframes),
-        "transition": None if transition is None else f"{transition[0]}:{transition[1]}",
+        "keyframes": _text_of("keyframes", keyframes),
+        "transition": _range_of(transition),
         "predict": predict,
+        "frames": _text_of("frames", frames),
+        "times": _text_of("times", times, whole=False),
         "weights": os.fspath(weights or default_weights()),
         "foot_lock": foot_lock,
         "points": points,
         "seed": seed,
         "device": device,
     }
-    config = Config.model_validate(settings)
-    models = _models(config.weights, device)
+    config = settle(Config, [Layer("arguments", settings)], what="pumps infill")
+    models = _models(config.weights, device, _digests(config.weights))
     file = row_file(Source(here.name, "", here.name, len(data)), config, data)
     made = fill_file(file, config, models)
     skeleton, record = file.motion_in(made.data)
     return replace(motion, skeleton=skeleton, record=record, notes=made.notes, source=made.data)
 
 
+@one_thread_if_they_spin()
 def retarget(motion: Motion, to: Motion, *, points: int = 256, seed: int = 0, device: str = "auto") -> Motion:
     """Give a motion to another rig, as `pumps retarget` does; no mapping of joints is needed.
 
@@ -78,33 +92,59 @@ def retarget(motion: Motion, to: Motion, *, points: int = 256, seed: int = 0, de
         points: of the cloud that draws hands and feet to their places. seed: of its points. device: as of `infill`.
 
     Returns: the motion on the rig's skeleton.
-    Raises: InputError for a rig without a pose to start from.
+    Raises: InputError for a rig without a pose to start from; UsageError for settings that are not possible.
     """
     from stages.retarget.config import Config
     from stages.retarget.run import retargeted
     from stages.retarget.targets import target_of_bvh
     from stages.shared.formats.bvh import read_bvh
+    from stages.shared.settings.layers import Layer, settle
 
     here = Path(f"{motion.name}.bvh")
     settings = {"input": here, "to": Path(f"{to.name}.bvh"), "output": here}
-    config = Config.model_validate(settings | {"points": points, "seed": seed, "device": device})
+    settings |= {"points": points, "seed": seed, "device": device}
+    config = settle(Config, [Layer("arguments", settings)], what="pumps retarget")
     record, _ = retargeted(motion.skeleton, motion.record, to.skeleton, to.record, config)
     verbatim = target_of_bvh(read_bvh(to.source, to.name)).written(record)[0] if to.source else b""
     return Motion(to.skeleton, record, motion.name, licence=motion.licence, source=verbatim)
 
 
 @lru_cache(maxsize=2)
-def _models(weights: str, device: str) -> Any:
+def _models(weights: str, device: str, digests: tuple[str, ...]) -> Any:
+    """The models of some weights; `digests` are of what lies there, so that weights trained anew are loaded anew."""
     from stages.shared.inference.models import load_weights
 
     return load_weights(weights, device)
 
 
-def _text_of(keyframes: Keyframes | None) -> str | None:
-    """Keyframes as the command line takes them. Raises UsageError for what is not whole numbers."""
-    if keyframes is None or isinstance(keyframes, str):
-        return keyframes
-    frames = list(keyframes)
-    if not frames or any(int(frame) != frame for frame in frames):
-        raise UsageError("keyframes must be whole frame numbers.", "Give a list such as [0, 15, 40].")
-    return ",".join(str(int(frame)) for frame in frames)
+def _digests(weights: str) -> tuple[str, ...]:
+    from data_schemas.artefact import open_artefact
+    from stages.shared.weights.shipped import parts_of, weights_folder
+
+    return tuple(open_artefact(part, "checkpoint").manifest.digest for part in parts_of(weights_folder(weights)))
+
+
+def _text_of(name: str, numbers: str | Iterable[float] | None, *, whole: bool = True) -> str | None:
+    """Numbers as the command line takes them. Raises UsageError for what is not a list of (whole) numbers."""
+    if numbers is None or isinstance(numbers, str):
+        return numbers
+    kind = "whole frame numbers" if whole else "numbers of seconds"
+    example = "[0, 15, 40]" if whole else "[0, 0.5, 1.25]"
+    values = np.asarray(list(numbers) if isinstance(numbers, Iterable) else numbers)
+    if values.dtype == bool:
+        raise UsageError(f"{name} must be {kind}, not a mask.", "Give numpy.flatnonzero(mask).")
+    if values.ndim != 1 or values.size == 0 or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+        raise UsageError(f"{name} must be a list of {kind}.", f"Give one such as {example}.")
+    if whole and (values != np.floor(values)).any():
+        raise UsageError(f"{name} must be {kind}.", f"Give a list such as {example}.")
+    return ",".join(str(int(value)) if whole else repr(float(value)) for value in values)
+
+
+def _range_of(transition: str | tuple[int, int] | None) -> str | None:
+    """(30, 60) as the command line takes it. Raises UsageError for what is not two whole numbers."""
+    if transition is None or isinstance(transition, str):
+        return transition
+    bounds = (_text_of("transition", transition) or "").split(",")
+    if len(bounds) != 2:
+        raise UsageError("transition must be two frame numbers.", "Give (30, 60) for a gap of frames 30 to 59.")
+    return ":".join(bounds)

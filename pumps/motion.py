@@ -10,7 +10,7 @@ import numpy as np
 from data_schemas import skeleton as records
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A motion on its skeleton: T frames, J joints. Immutable; functions of pumps return new ones.
 

@@ -42,5 +42,5 @@ class Config(DeviceConfig):
         None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
     )
     foot_lock: bool = Field(True, description="Hold feet that stand where they stand, by turning the legs.")
-    points: int = Field(256, description="Points of the cloud.")
+    points: int = Field(256, description="Points of the cloud.", ge=16, le=100_000)
     overwrite: bool = Field(False, description="Replace an output that exists.")
