@@ -37,7 +37,7 @@ class ClipRow:
     frames:   number of frames, at `fps` frames per second; `seconds` = frames / fps.
     split:    "train", "val" or "test".
     licence:  of the source.
-    flags:    changes that ingest made to it, words separated by spaces.
+    flags:    its oddities and the changes that ingest made to it, codes of `data_schemas.notes` separated by spaces.
     quality:  measures that ingest took of it; each is a column of its own.
     """
 

@@ -13,7 +13,7 @@ class Kind(NamedTuple):
 
 
 KINDS: dict[str, Kind] = {
-    "motion": Kind(2, "motions on their skeletons: motions.h5 and the index clips.parquet"),
+    "motion": Kind(3, "motions on their skeletons: motions.h5 and the index clips.parquet"),
     "tpc": Kind(3, "temporal point clouds, rigid, packed or dense: clouds.h5 and the index clips.parquet"),
     "latent": Kind(2, "one latent and one centroid for every frame: latents.h5 and the index clips.parquet"),
     "checkpoint": Kind(2, "a trained network: model.safetensors, config.json, log.parquet, MODEL_CARD.md"),

@@ -84,6 +84,17 @@ def _clips_1_to_2(source: Path, target: Path) -> None:
     pq.write_table(table, target / "clips.parquet")
 
 
+def _motion_2_to_3(source: Path, target: Path) -> None:
+    """Version 3 has the codes of what was odd of each source; of older ones the sentences alone are known."""
+    for path in source.iterdir():
+        if path.name != "sources.parquet":
+            carry_over(source, target, path.name)
+    if (source / "sources.parquet").exists():
+        table = pq.ParquetFile(source / "sources.parquet").read()
+        flags = pa.array([""] * table.num_rows, pa.string())
+        pq.write_table(table.append_column("flags", flags), target / "sources.parquet")
+
+
 def _tpc_2_to_3(source: Path, target: Path) -> None:
     """Version 3 added packed clips; older artefacts have none."""
     for path in source.iterdir():
@@ -164,6 +175,7 @@ def _names_of_list_1(listed: str) -> list[str]:
 MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("motion", 0): _motion_0_to_1,
     ("motion", 1): _clips_1_to_2,
+    ("motion", 2): _motion_2_to_3,
     ("tpc", 1): _clips_1_to_2,
     ("tpc", 2): _tpc_2_to_3,
     ("latent", 1): _clips_1_to_2,

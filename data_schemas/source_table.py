@@ -27,6 +27,7 @@ class SourceRow:
     outcome: "kept" unchanged, "repaired", "skipped" (bad, or not a humanoid), "ignored" (not a recording).
     reason:  what was repaired, or why it was not used; else "".
     remarks: assumptions about facts that no file states.
+    flags:   the codes of both (`data_schemas.notes`), separated by spaces; "" if it was not used.
     clips, frames: number of each read from it. bytes: its size, unpacked. sha256: of its bytes, "" if not read.
     """
 
@@ -39,6 +40,7 @@ class SourceRow:
     frames: int
     bytes: int
     sha256: str
+    flags: str = ""
 
 
 _TABLE = pa.schema(

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
+from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.export.config import Config
 from stages.shared.formats.readers import recordings_in
@@ -73,7 +74,12 @@ def _of_recording(config: Config) -> Iterator[Clip]:
     for name in _chosen(list(found), config):
         recording = found[name]
         choose_map(maps, recording.skeleton.names, must_fit=bool(maps))
-        yield Clip(name, recording.skeleton, recording.motion, notes=(*recording.notes, *recording.remarks))
+        yield Clip(
+            name,
+            recording.skeleton,
+            recording.motion,
+            notes=(*sentences_of(recording.notes), *sentences_of(recording.remarks)),
+        )
 
 
 def _chosen(names: list[str], config: Config) -> list[str]:

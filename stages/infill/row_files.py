@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from data_schemas.errors import InputError, UsageError
+from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
 from stages.infill.euler_rows import rows_between_keys
@@ -141,7 +142,7 @@ class _RobotRows:
         poses = poses_of(self.table.values[rows], self.robot, self.fps)
         recording = recording_of(self.table.name, self.robot.figure(), poses, Asked(skeleton_maps=maps))
         self._skeleton = recording.skeleton
-        return recording.skeleton, recording.motion, [*self._notes, *recording.notes]
+        return recording.skeleton, recording.motion, [*self._notes, *sentences_of(recording.notes)]
 
     def written(
         self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing.context import BaseContext
 
 from data_schemas.errors import InputError, PumpsError
+from data_schemas.notes import Flag, Note, note
 from data_schemas.quality import MotionQuality
 from stages.shared.formats.bvh_motion import places_of
 from stages.shared.formats.readers import AUTO, format_named, read_recordings, recognise
@@ -37,18 +38,20 @@ class Job:
 class Outcome:
     """The outcome of reading a source: `status` is one of `data_schemas.source_table.OUTCOMES`.
 
-    format: its format, "" if it was not recognised. notes: the reasons, one sentence each. hint: how to correct it.
+    format: its format, "" if it was not recognised. reason: why it was not used, else "". hint: how to correct it.
+    notes: faults that were corrected. remarks: assumptions about facts that no file states.
     qualities: one for each recording.
     """
 
     source: Source
     status: str
     format: str = ""
-    notes: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
+    remarks: list[Note] = field(default_factory=list)
     sha256: str = ""
     recordings: list[Recording] = field(default_factory=list)
     qualities: list[MotionQuality] = field(default_factory=list)
+    reason: str = ""
     hint: str | None = None
 
 
@@ -65,7 +68,7 @@ def read_one(job: Job) -> Outcome:
                     f"{source.name} is not a recording in a format that pumps reads.",
                     "docs/formats.md lists the formats.",
                 )
-            return Outcome(source, "ignored", notes=["It holds no motion."])
+            return Outcome(source, "ignored", reason="It holds no motion.")
         found = read_recordings(data, source, chosen, job.asked)
         recordings = [recording for recording in found if recording.motion.frames >= LEAST_FRAMES]
         if not recordings:
@@ -73,11 +76,11 @@ def read_one(job: Job) -> Outcome:
             raise InputError(f"{source.name} has {count} frame, and a motion needs at least {LEAST_FRAMES}.")
     except InputError as error:
         name = chosen.name if chosen else ""
-        return Outcome(source, "skipped", name, [error.message], hint=error.hint)
-    notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
-    remarks = list(dict.fromkeys(remark for recording in recordings for remark in recording.remarks))
+        return Outcome(source, "skipped", name, reason=error.message, hint=error.hint)
+    notes = list(dict.fromkeys(each for recording in recordings for each in recording.notes))
+    remarks = list(dict.fromkeys(each for recording in recordings for each in recording.remarks))
     if len(recordings) < len(found):
-        notes.append(f"{len(found) - len(recordings)} clips of one frame were left out.")
+        notes.append(note(Flag.ONE_FRAME_CLIPS, clips=len(found) - len(recordings)))
     sha256 = hashlib.sha256(data).hexdigest()
     qualities = [quality_of(recording) for recording in recordings]
     status = "repaired" if notes else "kept"

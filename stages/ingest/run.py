@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from data_schemas.artefact import write_artefact
 from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import ClipRow, MotionWriter
+from data_schemas.notes import Flag, flags_text, sentences_of
 from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.ingest.config import Config
 from stages.ingest.doubts import doubts_of
@@ -23,7 +24,7 @@ from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
 from stages.shared.contract import StageReport
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.readers import suffixes_of
-from stages.shared.formats.recording import Asked, Recording
+from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.skeleton_map import read_skeleton_maps, unused_maps
 from stages.shared.formats.sources import Source, find_sources
@@ -63,10 +64,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         for job, outcome in zip(jobs, read_all(jobs, config.workers), strict=True):
             progress.advance(outcome.source.size / 1e6, PurePosixPath(outcome.source.member).name)
             if outcome.status == "skipped" and config.strict:
-                raise InputError(outcome.notes[0], outcome.hint)
+                raise InputError(outcome.reason, outcome.hint)
             made = _store(writer, outcome, job, clips, assigned, config.licence)
             rows += made
-            table.append(_source_row(outcome, made))
+            table.append(_source_row(outcome, job, made))
             rigs |= {recording.skeleton.names for recording in outcome.recordings}
         if not rows:
             bad = next((row.reason for row in table if row.outcome == "skipped"), table[0].reason)
@@ -122,7 +123,7 @@ def _store(
             seconds=motion.frames / motion.fps,
             split=assigned.splits[outcome.source.name],
             licence=licence_of(data_set, licence or assigned.licences.get(data_set)),
-            flags=_flags(recording, job),
+            flags=flags_text([*_given(job), *(each.flag for each in recording.notes)]),
             quality=quality,
         )
         writer.add_clip(row, motion)
@@ -130,13 +131,14 @@ def _store(
     return rows
 
 
-def _source_row(outcome: Outcome, made: Sequence[ClipRow]) -> SourceRow:
+def _source_row(outcome: Outcome, job: Job, made: Sequence[ClipRow]) -> SourceRow:
     return SourceRow(
         source=outcome.source.name,
         format=outcome.format,
         outcome=outcome.status,
-        reason=" ".join(outcome.notes),
-        remarks=" ".join(outcome.remarks),
+        reason=outcome.reason or " ".join(sentences_of(outcome.notes)),
+        remarks=" ".join(sentences_of(outcome.remarks)),
+        flags=flags_text([*_given(job), *(each.flag for each in (*outcome.notes, *outcome.remarks))] if made else []),
         clips=len(made),
         frames=sum(row.frames for row in made),
         bytes=outcome.source.size,
@@ -144,15 +146,9 @@ def _source_row(outcome: Outcome, made: Sequence[ClipRow]) -> SourceRow:
     )
 
 
-def _flags(recording: Recording, job: Job) -> str:
-    words = []
-    if job.asked.fps_override is not None:
-        words.append("fps-override")
-    if any(note.startswith("Dropped the first") for note in recording.notes):
-        words.append("trimmed")
-    if any(note.startswith("Frames says") for note in recording.notes):
-        words.append("frames-line-off")
-    return " ".join(words)
+def _given(job: Job) -> list[Flag]:
+    """The codes of what the user said of a recording."""
+    return [Flag.FPS_OVERRIDE] if job.asked.fps_override is not None else []
 
 
 class _ClipNames:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from data_schemas.notes import sentences_of
 from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Motion, Skeleton
 from stages.inspect.suspicions import suspicions_of
 from stages.shared.formats.bvh import BvhFile, BvhJoint
@@ -85,9 +86,14 @@ def describe_recording(recording: Recording, bvh: BvhFile | None, *, mapped: boo
     roles = [_role(skeleton, joint) for joint in range(skeleton.joints)]
     _add_tree(out, skeleton.names, skeleton.parents.tolist(), given, roles)
     problems = list(
-        dict.fromkeys([*recording.notes, *suspicions_of(skeleton, motion, places, anatomy, frames - motion.frames)])
+        dict.fromkeys(
+            [
+                *sentences_of(recording.notes),
+                *suspicions_of(skeleton, motion, places, anatomy, frames - motion.frames),
+            ]
+        )
     )
-    out.add_problems(problems, recording.remarks)
+    out.add_problems(problems, sentences_of(recording.remarks))
     return out
 
 
@@ -103,7 +109,7 @@ def describe_bare_bvh(bvh: BvhFile, fault: str) -> Described:
     }  # fmt: skip
     names, parents = [joint.name for joint in bvh.joints], [joint.parent for joint in bvh.joints]
     _add_tree(out, names, parents, [_channels(joint) for joint in bvh.joints], [("", "")] * len(names))
-    out.add_problems([*bvh.warnings, fault], [])
+    out.add_problems([*sentences_of(bvh.warnings), fault], [])
     return out
 
 

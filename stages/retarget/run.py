@@ -8,6 +8,7 @@ import numpy as np
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import skeleton_id
+from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.retarget.config import Config
@@ -97,7 +98,7 @@ def _read(config: Config) -> tuple[Skeleton, Motion, list[str]]:
     found = recordings_in(source, asked)
     if len(found) != 1:
         raise InputError(f"{source.name} holds {len(found)} clips, and one is put on a rig.", "`pumps export` one.")
-    return found[0].skeleton, found[0].motion, [*found[0].notes, *found[0].remarks]
+    return found[0].skeleton, found[0].motion, sentences_of([*found[0].notes, *found[0].remarks])
 
 
 def _report(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from data_schemas.errors import UsageError
+from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.retarget.config import Config
 from stages.shared.formats.bvh import BvhFile, read_bvh
@@ -75,4 +76,4 @@ def _robot(robot: RobotRig, config: Config) -> Target:
         rows = rows_of_motion(robot, standing.skeleton, made, config.output.name, limited=config.respect_limits)
         return csv_of_rows(rows.values), notes_of_rows(robot, rows, limited=config.respect_limits)
 
-    return Target(standing.skeleton, standing.motion, written, standing.notes)
+    return Target(standing.skeleton, standing.motion, written, sentences_of(standing.notes))

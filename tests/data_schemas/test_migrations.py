@@ -15,6 +15,7 @@ from data_schemas.errors import InputError
 from data_schemas.kinds import KINDS
 from data_schemas.metrics import MetricRow, read_metrics, write_metrics
 from data_schemas.motion import MotionReader
+from data_schemas.source_table import read_sources
 from tests.data_schemas.examples import a_motion, a_skeleton, write_motion
 
 FROZEN = Path(__file__).parent / "frozen" / "motion_version_0"  # its clips.parquet has no `flags`
@@ -37,6 +38,19 @@ def test_frozen_motion_of_version_0_is_read():
     np.testing.assert_allclose(motion.rotations, a_motion(4).rotations, atol=1e-6)
     np.testing.assert_allclose(motion.tracks, a_motion(4).tracks, atol=1e-6)
     assert verify(FROZEN) == []  # reading changes nothing
+
+
+def test_frozen_motion_of_version_2_is_read():
+    folder = FROZEN.with_name("motion_version_2")  # its sources.parquet has no `flags`
+    assert open_artefact(folder, "motion").manifest.schema_version == 2
+    with MotionReader(folder) as reader:
+        assert {row.clip: row.flags for row in reader.clips} == {
+            "clips.plain": "", "clips.trimmed": "fps-override trimmed",
+        }  # fmt: skip
+        sources = read_sources(reader.folder)
+    assert [(row.outcome, row.flags) for row in sources] == [("kept", ""), ("repaired", "")]
+    assert "calibration pose" in sources[1].reason
+    assert verify(folder) == []
 
 
 def test_velocity_jumps_of_version_1_become_metres_a_second(tmp_path, monkeypatch):

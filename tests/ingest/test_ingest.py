@@ -62,6 +62,8 @@ def test_every_file_has_an_outcome(archive: Path, tmp_path: Path) -> None:
         "salsa/01.bvh": "repaired",
         "salsa/02.bvh": "repaired",
     }
+    assert outcomes["cmu-dance/salsa/01.bvh"].flags == "fps-override trimmed"
+    assert outcomes["cmu-dance/other/cut.bvh"].flags == outcomes["cmu-dance/other/rooted.bvh"].flags == ""
     assert "line" in outcomes["cmu-dance/other/cut.bvh"].reason
     assert "1 frame" in outcomes["cmu-dance/other/pose.bvh"].reason
     assert any("cut.bvh" in line for line in report.lines)

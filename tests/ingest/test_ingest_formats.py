@@ -96,6 +96,7 @@ def test_a_mix_is_read_by_content_with_a_row_for_every_file(
     assert "broken_poses.npz" in broken.reason and broken.frames == 0
     kept = next(row for name, row in rows.items() if name.endswith("07_01.amc"))
     assert (kept.clips, kept.frames) == (1, 9) and len(kept.sha256) == 64 and "120 frames" in kept.remarks
+    assert kept.flags == "no-frame-rate"
     assert kept.bytes == len(MIX["cmu/07/07_01.amc"])
 
 

@@ -8,6 +8,7 @@ from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
+from data_schemas.notes import Flag
 from data_schemas.whole_file import write_whole
 from stages.data.pick.config import Config
 from stages.shared.contract import StageReport
@@ -17,6 +18,8 @@ from stages.shared.formats.sources import source_named
 from stages.shared.progress import SILENT, Progress
 
 LIST_NAME = "clips.txt"
+# What would need the options of ingest again.
+_UNHANDY = {Flag.FPS_OVERRIDE, Flag.TRIMMED, Flag.FRAMES_LINE_OFF}
 _SHORTEST_S = 2.0  # below it there is hardly a gap to fill
 
 
@@ -63,7 +66,11 @@ def pick(rows: Sequence[ClipRow], config: Config) -> list[ClipRow]:
     """
 
     def order(row: ClipRow) -> tuple[bool, bool, str]:
-        return bool(row.flags), not _SHORTEST_S <= row.seconds <= config.longest_s, row.clip
+        return (
+            not _UNHANDY.isdisjoint(row.flags.split()),
+            not _SHORTEST_S <= row.seconds <= config.longest_s,
+            row.clip,
+        )
 
     kinds: dict[tuple[str, str], list[ClipRow]] = {}
     for row in sorted(rows, key=order):

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.arrays import read_arrays
 from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
@@ -30,10 +31,10 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
     if own is None and layout is None:
         widths = ", ".join(f"{width} ({kind})" for width, kind in sorted(_LAYOUT_OF.items()))
         raise InputError(f"{name}: its poses are {vectors.shape[1]} numbers wide; pumps reads widths of {widths}.")
-    notes: list[str] = []
+    notes: list[Note] = []
     trans = _numbers(arrays, "trans", name)
     if trans is None:
-        notes.append("It has no trans; the pelvis stays where it is.")
+        notes.append(note(Flag.NO_TRANSLATION))
         trans = np.zeros((frames, 3))
     if trans.shape != (frames, 3):
         raise InputError(f"{name}: trans has the shape {trans.shape}, expected {(frames, 3)}.")
@@ -147,21 +148,19 @@ def _rate(arrays: dict[str, np.ndarray], name: str) -> float:
 
 def _rest_joints(
     arrays: dict[str, np.ndarray], pickled: list[str], name: str, layout: str, asked: Asked
-) -> tuple[RestJoints, list[str]]:
-    """The skeleton, and the assumptions made for it, one sentence each."""
+) -> tuple[RestJoints, list[Note]]:
+    """The skeleton, and the assumptions made for it."""
     if asked.body_models is None:
-        return neutral_joints(layout), ["Its joints are those of a neutral body: no --body-models were given."]
+        return neutral_joints(layout), [note(Flag.NEUTRAL_BODY)]
     remarks = []
     gender = _gender(arrays)
     if gender is None:
         gender = "neutral"
-        remarks.append(
-            "It states no gender" + (" (pickled)" if "gender" in pickled else "") + "; neutral is assumed."
-        )
+        remarks.append(note(Flag.NO_GENDER, pickled="gender" in pickled))
     betas = _numbers(arrays, "betas", name)
     if betas is None:
         betas = np.zeros(0)
-        remarks.append("It has no betas; the model's mean body is used.")
+        remarks.append(note(Flag.MEAN_BODY))
     if betas.ndim == 2:
         betas = betas.mean(axis=0)  # one set per frame, all equal
     if betas.ndim != 1:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.formats import euler
 from stages.shared.formats.asf import AsfBone, AsfSkeleton, read_asf
 from stages.shared.formats.figure import Poses, Rig
@@ -29,7 +30,7 @@ class AmcMotion:
     lines: tuple[AsfBone, ...]
     in_degrees: bool
     fps: float | None
-    notes: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
 
 
 def read_asf_amc(data: bytes, name: str, asked: Asked) -> list[Recording]:
@@ -45,7 +46,7 @@ def read_asf_amc(data: bytes, name: str, asked: Asked) -> list[Recording]:
     fps = asked.fps_override or motion.fps
     if fps is None:
         fps = USUAL_FPS
-        remarks.append(f"It states no frame rate; {USUAL_FPS:g} frames a second are assumed.")
+        remarks.append(note(Flag.NO_FRAME_RATE, fps=USUAL_FPS))
     return [
         recording_of(name, _rig(skeleton), _poses(skeleton, motion, fps), asked, notes=motion.notes, remarks=remarks)
     ]
@@ -66,9 +67,9 @@ def read_amc(data: bytes, name: str, skeleton: AsfSkeleton) -> AmcMotion:
     steps = np.diff(values[:, 0])
     if (steps != 1).any():
         at = int(np.argmax(steps != 1))
-        notes.append(f"Frame {values[at, 0]:g} is followed by {values[at + 1, 0]:g}; frames seem to be missing.")
+        notes.append(note(Flag.FRAMES_MISSING, frame=float(values[at, 0]), following=float(values[at + 1, 0])))
     if any(channel not in ("rx", "ry", "rz") for bone in lines for channel in bone.channels if bone.parent >= 0):
-        notes.append("Some bones slide or stretch; their translations and lengths were left out.")
+        notes.append(note(Flag.BONES_STRETCH))
     return AmcMotion(values[:, 1:], lines, degrees, fps, notes)
 
 

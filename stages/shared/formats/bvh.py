@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.bvh_header import BvhJoint, HeaderFault, parse_header
 
 __all__ = ["BvhFile", "BvhJoint", "read_bvh"]
@@ -38,7 +39,7 @@ class BvhFile:
     values:          (T, C) float64 in the file's unit and degrees; NaN in unreadable rows (if they are kept).
     rows:            T verbatim lines without their newline.
     newline:         of the rows: "\\n", "\\r\\n" or "\\r". encoding: of header and motion_head.
-    warnings:        faults of the file that were corrected, one sentence each.
+    warnings:        faults of the file that were corrected.
     """
 
     name: str
@@ -51,7 +52,7 @@ class BvhFile:
     rows: list[bytes] = field(repr=False)
     newline: str = "\n"
     encoding: str = "utf-8"
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[Note] = field(default_factory=list)
 
     @property
     def frames(self) -> int:
@@ -248,14 +249,14 @@ def _is_number(word: bytes) -> bool:
     return b"_" not in word
 
 
-def _check_frames(name: str, declared: int, found: int, rows: list[bytes]) -> list[str]:
+def _check_frames(name: str, declared: int, found: int, rows: list[bytes]) -> list[Note]:
     """Refuse a file without frames, or with a wrong frame count; a count that is wrong by one is only reported."""
     if found == 0:
         raise InputError(f"{name} holds no frames.")
     if declared == found:
         return []
     if abs(declared - found) == 1:
-        return [f"Frames says {declared} and there are {found} rows; the rows are used."]
+        return [note(Flag.FRAMES_LINE_OFF, declared=declared, found=found)]
     raise InputError(
         f"{name}: Frames says {declared} and there are {found} rows.",
         "Is the file truncated?" if found < declared else "Correct the Frames line.",

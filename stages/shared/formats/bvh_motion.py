@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Note, sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
@@ -26,7 +27,7 @@ STILL_M = 1e-4  # a position that moves less than this is constant: exporters wr
 
 def read_bvh_motion(data: bytes, name: str, asked: Asked) -> list[Recording]:
     """The one clip of a BVH. Raises InputError naming file, line and joint."""
-    skeleton, motion, notes = motion_of(
+    skeleton, motion, notes = noted_motion_of(
         read_bvh(data, name),
         fps_override=asked.fps_override, rest_frame=asked.rest_frame, trim_first=asked.trim_first,
         skeleton_maps=asked.skeleton_maps,
@@ -52,6 +53,21 @@ def motion_of(
     Returns: skeleton, motion (global float32 rotations), notes on the file's oddities, one sentence each.
     Raises: InputError naming the file if no humanoid is found or an argument is out of range.
     """
+    skeleton, motion, notes = noted_motion_of(
+        bvh, fps_override=fps_override, rest_frame=rest_frame, trim_first=trim_first, skeleton_maps=skeleton_maps
+    )
+    return skeleton, motion, sentences_of(notes)
+
+
+def noted_motion_of(
+    bvh: BvhFile,
+    *,
+    fps_override: float | None = None,
+    rest_frame: int | None = None,
+    trim_first: str | int = 0,
+    skeleton_maps: tuple[SkeletonMap, ...] = (),
+) -> tuple[Skeleton, Motion, list[Note]]:
+    """As `motion_of`, with notes as codes and figures instead of sentences."""
     try:
         body = _body_of(bvh.joints, bvh.values, skeleton_maps)
         poses = _poses(bvh.joints, body, bvh.values, fps_override or rate_of(bvh.frame_time))

@@ -15,6 +15,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, note
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile
 from stages.shared.formats.bvh_header_write import header_text
@@ -111,7 +112,7 @@ def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recordin
             raise InputError(
                 f"{name}: {len(clip.times)} frames over {clip.times[-1]:.1f} s are too sparse for a motion."
             )
-        notes.append(f"Its frames last unequally long; they were resampled to {fps:g} frames a second.")
+        notes.append(note(Flag.UNEVEN_FRAMES, fps=fps))
         times = torch.arange(int(np.floor(clip.times[-1] * fps + 1e-6)) + 1) / fps
         local, roots = (part.numpy() for part in _between(clip, times))
     joints = range(len(_JOINTS))

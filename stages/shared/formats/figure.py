@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats import euler
 from stages.shared.formats.skeleton_map import SkeletonMap, choose_map, parts_of_map
@@ -89,7 +90,7 @@ class Body:
     on_chain: np.ndarray
     parts: BodyParts
     unit_m: float
-    unit_note: str | None
+    unit_note: Note | None
     up_axis: str | None = None
     mapped: bool = False
 
@@ -110,9 +111,9 @@ def body_of(rig: Rig) -> Body:
     for joint in (parts.pelvis, *ancestors(parents, parts.pelvis)):
         if rig.placed[joint]:
             offsets[joint] = 0.0
-    unit_m, note = (given and given.unit_m) or rig.unit_m, None
+    unit_m, unit_note = (given and given.unit_m) or rig.unit_m, None
     if unit_m is None:
-        unit_m, note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
+        unit_m, unit_note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
     leaf = reference_pose.LEAF_LENGTH_M / unit_m
     tails, on_chain = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, leaf)
     known, _ = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, 0.0)
@@ -122,7 +123,7 @@ def body_of(rig: Rig) -> Body:
         rest[joint] = rest[parents[joint]] + offsets[joint]
     up_axis = (given and given.up_axis) or rig.up_axis
     return Body(
-        rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, note, up_axis, given is not None
+        rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, unit_note, up_axis, given is not None
     )
 
 
@@ -143,7 +144,7 @@ def motion_of_poses(
     up_axis: str | None = None,
     rest_frame: int | None = None,
     trim_first: str | int = 0,
-) -> tuple[Skeleton, Motion, list[str]]:
+) -> tuple[Skeleton, Motion, list[Note]]:
     """The skeleton and the motion of a body, Y up, metres.
 
     Args:
@@ -151,10 +152,10 @@ def motion_of_poses(
         up_axis: the source's, used if `body` has none; None to find it from the pose.
         rest_frame: a frame in which the body stands upright, from which up axis and sides are found.
         trim_first: frames to drop at the start, or "auto": those of a calibration pose far from what follows.
-    Returns: skeleton, motion (global float32 rotations), notes on the source's oddities, one sentence each.
+    Returns: skeleton, motion (global float32 rotations), notes on the source's oddities.
     Raises: InputError if an argument is out of range.
     """
-    notes: list[str] = []
+    notes: list[Note] = []
     frames = len(poses.local)
     if rest_frame is not None and not 0 <= rest_frame < frames:
         raise InputError(f"Rest frame {rest_frame} is outside of its frames 0 to {frames - 1}.")
@@ -183,10 +184,9 @@ def motion_of_poses(
         )
     if not parts.sided:
         parts, facing = find_sides(_body_poses(body, poses, rotations_at, rest_frame), parts)
-        doubt = "" if abs(facing.balance) > _CLEAR_BALANCE else ", which leaves them uncertain"
-        notes.append(f"Joint names state no sides; left and right were found from the pose{doubt}.")
+        notes.append(note(Flag.SIDES_FROM_POSE, clear=bool(abs(facing.balance) > _CLEAR_BALANCE)))
     if body.unit_note:
-        notes.append(f"The unit is uncertain: {body.unit_note}.")
+        notes.append(body.unit_note)
     skeleton = _skeleton(header, body, parts, up_axis)
     roots = poses.root * body.unit_m
     if turn is not None:
@@ -201,8 +201,7 @@ def motion_of_poses(
     )
     drop = _frames_to_trim(motion.frames, opening_world[:, skeleton.sampled], trim_first)
     if drop:
-        why = ": a calibration pose and the motion that leads out of it" if str(trim_first) == "auto" else ""
-        notes.append(f"Dropped the first {f'{drop} frames' if drop > 1 else 'frame'}{why}.")
+        notes.append(note(Flag.TRIMMED, frames=drop, calibration=str(trim_first) == "auto"))
         motion = motion.at(slice(drop, None))
     return skeleton, motion, notes
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.formats import euler
 from stages.shared.formats.bvh_header_write import plain_names
 from stages.shared.formats.bvh_motion import rate_of
@@ -58,7 +59,7 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
         document = Document(data, name)
         nodes = _Nodes(document)
         animations = [_tracks(document, animation) for animation in document.items("animations")]
-        notes: list[str] = []
+        notes: list[Note] = []
         skin = _skin(document, nodes, {node for tracks in animations for node, _ in tracks}, notes)
         inside = set(skin.joints)
         moving = [(index, tracks) for index, tracks in enumerate(animations) if {n for n, _ in tracks} & inside]
@@ -153,7 +154,7 @@ def _tracks(document: Document, animation: dict[str, Any]) -> dict[tuple[int, st
     return found
 
 
-def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str]) -> _Skin:
+def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[Note]) -> _Skin:
     """The skin with the most joints, with the nodes between its joints, and the nodes above it that are animated."""
     skins = [[document.index(j, "nodes") for j in skin["joints"]] for skin in document.items("skins")]
     if not skins or not max(skins, key=len):
@@ -169,7 +170,7 @@ def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[str
     shared = {joint for joint in others if lines[joint][-1] == root}  # other meshes of the same figure
     inside = set(chosen) | shared
     if others - shared:
-        notes.append(f"{len(others - shared)} joints of other skins were left out.")
+        notes.append(note(Flag.OTHER_SKINS, joints=len(others - shared)))
     common = set(lines[chosen[0]])
     for joint in inside:
         common &= set(lines[joint])

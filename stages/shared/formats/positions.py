@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.arrays import array_names, read_array, read_arrays
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.figure import Poses, Rig, body_of
@@ -54,13 +55,13 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     """The clip of a file of positions. Raises InputError naming file and joint."""
     measured = _read_measured(data, name)
     measured, frame = _with_joints(measured, name, asked)
-    notes: list[str] = []
+    notes: list[Note] = []
     check_room(name, len(data), len(measured.places), len(frame.names))
     places = _filled(measured.places, frame, name, notes)
     fps = asked.fps_override or measured.fps
     if fps is None:
         fps = USUAL_FPS
-        notes.append(f"It states no frame rate; {USUAL_FPS:g} frames a second are assumed.")
+        notes.append(note(Flag.NO_FRAME_RATE, fps=USUAL_FPS))
     offsets = _measured_lengths(frame, places)
     seen = frame.column >= 0
     ends = frame.ends if len(frame.ends) else np.zeros_like(offsets)
@@ -281,7 +282,7 @@ def _ordered(
 # --- numbers ------------------------------------------------------------------------------------
 
 
-def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[str]) -> np.ndarray:
+def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[Note]) -> np.ndarray:
     """(T, J, 3) places of the frame's joints: gaps interpolated linearly, zeros for joints without measurements."""
     out = np.zeros((len(places), len(frame.names), 3), places.dtype)
     missing = 0
@@ -305,7 +306,7 @@ def _filled(places: np.ndarray, frame: _Frame, name: str, notes: list[str]) -> n
         else:
             out[:, joint] = np.stack([np.interp(times, times[known], track[known, i]) for i in range(3)], axis=1)
     if missing:
-        notes.append(f"{missing} missing places of joints were interpolated linearly in time.")
+        notes.append(note(Flag.PLACES_INTERPOLATED, places=missing))
     return out
 
 

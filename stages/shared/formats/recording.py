@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Note
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh_header_write import header_text, plain_names
 from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
@@ -42,15 +43,15 @@ class Recording:
     """One clip of a file.
 
     part:    its name if the file holds several clips, else "".
-    notes:   faults that were corrected, one sentence each. remarks: assumptions about facts that no file states.
+    notes:   faults that were corrected. remarks: assumptions about facts that no file states.
     repaired_frames: frames with values that were not numbers, filled in from their neighbours.
     """
 
     skeleton: Skeleton
     motion: Motion
     part: str = ""
-    notes: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
+    remarks: list[Note] = field(default_factory=list)
     repaired_frames: int = 0
 
 
@@ -61,8 +62,8 @@ def recording_of(
     asked: Asked,
     *,
     part: str = "",
-    notes: Sequence[str] = (),
-    remarks: Sequence[str] = (),
+    notes: Sequence[Note] = (),
+    remarks: Sequence[Note] = (),
 ) -> Recording:
     """The clip of the joints and poses that a reader found; joints in any order with parents before children.
 

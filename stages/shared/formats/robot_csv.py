@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.figure import Poses
 from stages.shared.formats.recording import Asked, Recording, check_room, recording_of
 from stages.shared.formats.robot_rig import TO_FIGURE, RobotRig, robot_rig
@@ -23,14 +24,14 @@ def read_robot_csv(data: bytes, name: str, asked: Asked) -> list[Recording]:
     rig = rig_asked(name, asked)
     table = read_table(data, name, rig)
     check_room(name, len(data), len(table.values), len(rig.names))
-    notes: list[str] = []
+    notes: list[Note] = []
     if _written_w_first(table.values[:, 3:7]):
-        notes.append("The robot is upside down; the quaternions seem to be w x y z where x y z w is read.")
+        notes.append(note(Flag.UPSIDE_DOWN))
     remarks = []
     fps = asked.fps_override
     if fps is None:
         fps = USUAL_FPS
-        remarks.append(f"It states no frame rate; {USUAL_FPS:g} frames a second are assumed.")
+        remarks.append(note(Flag.NO_FRAME_RATE, fps=USUAL_FPS))
     return [recording_of(name, rig.figure(), poses_of(table.values, rig, fps), asked, notes=notes, remarks=remarks)]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
 from stages.shared.humanoid.body_groups import LEFT_LEG, RIGHT_LEG, SPINE, BodyParts
 from stages.shared.humanoid.joint_names import sense_of
 
@@ -21,6 +22,7 @@ PLAUSIBLE_STATURE_M = (0.7, 2.6)
 # Metres in a unit, the most common first; 0.0564 is CMU's (inches divided by 0.45).
 _DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
 _OTHER_UNITS = (0.0254, 0.0254 / 0.45, 0.3048)
+_USUAL_STATURE_M = 1.6  # length of legs and trunk if no common unit gives a human size
 _Z_UP_TO_Y_UP = Rotation.from_euler("x", -90, degrees=True)
 
 
@@ -95,7 +97,7 @@ def stature_of(offsets: np.ndarray, parts: BodyParts) -> float:
     return float(leg + lengths[list(parts.chains[SPINE])[1:]].sum())
 
 
-def find_unit(stature: float) -> tuple[float, str | None]:
+def find_unit(stature: float) -> tuple[float, Note | None]:
     """Metres in one unit of the file, and a note if it is a guess.
 
     Raises: InputError if all bones have zero length.
@@ -108,9 +110,9 @@ def find_unit(stature: float) -> tuple[float, str | None]:
             return unit, None
     for unit in _OTHER_UNITS:
         if 1.1 <= stature * unit <= 2.1:
-            return unit, f"{unit:.4g} m is assumed, which gives a stature of {stature * unit:.2f} m"
-    unit = 1.6 / stature
-    return unit, f"no common unit gives a human size, so {unit:.4g} m is used, which makes legs and trunk 1.6 m long"
+            return unit, note(Flag.UNIT_UNCERTAIN, unit_m=unit, stature_m=stature * unit, scaled=False)
+    unit = _USUAL_STATURE_M / stature
+    return unit, note(Flag.UNIT_UNCERTAIN, unit_m=unit, stature_m=_USUAL_STATURE_M, scaled=True)
 
 
 def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> str:

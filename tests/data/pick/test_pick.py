@@ -43,8 +43,10 @@ def test_archives_and_skeletons_take_turns():
 
 
 def test_handy_clips_come_first():
-    rows = [row("a", seconds=300.0), row("b", seconds=1.0), row("c", flags="trimmed"), row("d")]
+    rows = [row("a", seconds=300.0), row("b", seconds=1.0), row("c", flags="unit-uncertain trimmed"), row("d")]
     assert picked(rows) == ["d", "a", "b"]
+    rows += [row("e", flags="unit-uncertain")]  # ingest needs no option for it
+    assert picked(rows) == ["d", "e", "a"]
 
 
 @pytest.fixture(scope="module")

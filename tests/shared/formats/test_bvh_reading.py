@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import InputError
+from data_schemas.notes import sentences_of
 from stages.shared.formats.bvh import read_bvh
 from tests.shared.formats.bvh_texts import BvhText
 
@@ -78,7 +79,7 @@ def test_bytes_that_are_not_utf8_are_kept() -> None:
 
 @pytest.mark.parametrize("declared", [11, 13])
 def test_a_frame_count_one_off_is_a_warning_with_both_numbers(declared: int) -> None:
-    (warning,) = read_bvh(BvhText(declared=declared).data(), "a").warnings
+    (warning,) = sentences_of(read_bvh(BvhText(declared=declared).data(), "a").warnings)
     assert str(declared) in warning and "12" in warning
 
 

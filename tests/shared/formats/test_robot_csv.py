@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.formats.figure import places_of
 from stages.shared.formats.readers import recognise
@@ -88,13 +89,13 @@ def test_the_format_is_recognised_by_content(header: str) -> None:
 def test_the_rate_comes_from_the_user_or_is_assumed() -> None:
     assert _read(csv_of(some_rows()), fps_override=60.0).motion.fps == 60
     usual = _read(csv_of(some_rows()))
-    assert usual.motion.fps == 30 and "30" in usual.remarks[0] and usual.notes == []
+    assert usual.motion.fps == 30 and "30" in str(usual.remarks[0]) and usual.notes == []
 
 
 def test_quaternions_with_w_first_are_suspected() -> None:
     rows = some_rows()
     rows[:, 3:7] = np.tile([np.cos(0.1), 0, 0, np.sin(0.1)], (len(rows), 1))
-    assert "w x y z" in _read(csv_of(rows)).notes[0]
+    assert [each.flag for each in _read(csv_of(rows)).notes] == [Flag.UPSIDE_DOWN]
 
 
 def _with(row: int, column: int, value: float) -> bytes:
