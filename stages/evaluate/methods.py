@@ -15,7 +15,7 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.skeleton import Motion
-from data_schemas.trainings import TrainingData
+from data_schemas.trainings import TrainingData, last_data
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
 from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClouds, SynthesisedClouds, TrueClouds
@@ -23,12 +23,12 @@ from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights, named_source
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
+from stages.shared.statistics.figures import RECONSTRUCTED, TRUE_CLOUD, TRUTH
+from stages.shared.statistics.method_notes import MeasuredWeights
 from stages.shared.statistics.tasks import PREDICTION
 from stages.shared.statistics.windows import Task, Window
-from stages.shared.weights.shipped import weights_folder
+from stages.shared.weights.shipped import parts_of, weights_folder
 
-TRUE_CLOUD = "solve-true-cloud"
-RECONSTRUCTED = "-reconstructed"
 PARTS = ("ae", "lms", "train-ae", "train-lms")
 
 
@@ -65,6 +65,11 @@ class LoadedWeights:
         folder = weights_folder(self.source)
         return [folder / part for part in PARTS if (folder / part / MANIFEST_NAME).is_file()]
 
+    def facts(self) -> MeasuredWeights:
+        """What the page says of them; the data are those of the synthesiser's last training."""
+        synthesiser = read_checkpoint(parts_of(weights_folder(self.source))[1], optimiser=False)
+        return MeasuredWeights(name=self.name, source=self.source, data=last_data(synthesiser.trainings))
+
     def trained_on(self) -> list[TrainingData]:
         """The data of all trainings that its networks, and the weights that they started from, went through. Raises
         InputError where a checkpoint does not list them."""
@@ -98,7 +103,7 @@ def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list
 
 def load_all(config: Config) -> list[LoadedWeights]:
     """Load each of `config.weights`. Raises UsageError where two methods would share a name."""
-    taken = {*BASELINES, *PREDICTION_BASELINES, TRUE_CLOUD, "truth"}
+    taken = {*BASELINES, *PREDICTION_BASELINES, TRUE_CLOUD, TRUTH}
     loaded = []
     for text in config.weights:
         name, source = named_source(text)

@@ -35,6 +35,7 @@ from stages.shared.statistics.figures import (
     measured_joints,
     position_deviation,
 )
+from stages.shared.statistics.method_notes import MethodFacts
 from stages.shared.statistics.tables import cells, terminal_lines
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
@@ -93,10 +94,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 rows += _rows(reader, archive, task, tally)
             clips.forget()
     found = cells(rows, config.seed)
+    facts = MethodFacts(
+        weights=[each.facts() for each in loaded],
+        breakdown=config.breakdown,
+        borrowed_statistics=statistics.borrowed,
+    )
     inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
     with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
-        draft.summary.update(_counts(rows, plan))
-        write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, loaded, statistics.borrowed))
+        draft.summary |= _counts(rows, plan) | facts.model_dump()
+        write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, facts))
     where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
     lines = [*terminal_lines(found), *feel_lines(found), where]
     return StageReport(output=config.output, lines=lines, figures=_counts(rows, plan))

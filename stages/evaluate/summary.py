@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import MetricRow
 from stages.evaluate.config import Config
-from stages.evaluate.methods import RECONSTRUCTED, TRUE_CLOUD, LoadedWeights
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.feel_tables import LEGEND as FEEL_LEGEND
-from stages.shared.statistics.feel_tables import feel_markdown
-from stages.shared.statistics.tables import Cell, Key, overview, task_tables
-
-LEGEND = (
-    "In the tables below: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) "
-    "on the same windows, with a star where the ratio's own 95% interval leaves out 1. Lower is better. In the "
-    "header: the windows and clips measured."
-)
+from stages.shared.statistics.feel_tables import feel_markdown, feel_table
+from stages.shared.statistics.method_notes import MethodFacts, borrowed_note, markdown_of, method_notes
+from stages.shared.statistics.tables import LEGEND, Cell, Key, overview, scopes_of, task_tables
 
 
 def summary_md(
@@ -25,11 +17,10 @@ def summary_md(
     motion: Artefact,
     rows: list[MetricRow],
     found: dict[Key, Cell],
-    loaded: list[LoadedWeights],
-    borrowed_statistics: list[str],
+    facts: MethodFacts,
 ) -> str:
     """The whole Markdown page."""
-    methods = dict.fromkeys(row.method for row in rows)
+    notes = method_notes(facts)
     parts = [
         "# Evaluation\n",
         f"{len({row.clip for row in rows})} clips ({_clips_text(config)}) of the motion artefact "
@@ -37,15 +28,14 @@ def summary_md(
         f"{_windows_text(config)}; seed {config.seed}; protocol `{config.protocol}` (docs/evaluation.md defines "
         "every figure).\n",
         f"Made by:\n\n```\n{command_line('pumps evaluate', config)}\n```\n",
-        *_method_notes(list(methods), loaded),
     ]
-    if borrowed_statistics:
-        parts.append(
-            "No training clip is on the skeletons "
-            f"{', '.join(borrowed_statistics)}: the LaFAN1 statistics are those of their measured clips.\n"
-        )
+    if notes:
+        parts.append("\n".join(f"- {markdown_of(note)}" for note in notes) + "\n")
+    if borrowed := borrowed_note(facts):
+        parts.append(borrowed + "\n")
     tables = task_tables(found, lambda scope: feel_markdown(found, scope))
-    parts += [overview(found), LEGEND + "\n", *([FEEL_LEGEND + "\n"] if "### Feel" in tables else []), tables]
+    felt = any(feel_table(found, scope) for scope in scopes_of(found))
+    parts += [overview(found), LEGEND + "\n", *([FEEL_LEGEND + "\n"] if felt else []), tables]
     return "\n".join(parts)
 
 
@@ -59,18 +49,3 @@ def _windows_text(config: Config) -> str:
     if not config.max_windows:
         return "all windows"
     return f"at most {config.max_windows} windows for each archive and task"
-
-
-def _method_notes(methods: list[str], loaded: list[LoadedWeights]) -> Iterator[str]:
-    notes = [
-        f"- `{w.name}`: weights `{w.source}`, trained on {w.models.trained_on or 'no one says'}." for w in loaded
-    ]
-    if any(method.endswith(RECONSTRUCTED) for method in methods):
-        notes.append(
-            f"- `…{RECONSTRUCTED}`: the solve on the autoencoder's reconstruction of the true cloud, nothing masked: "
-            "what is lost without the synthesiser."
-        )
-    if TRUE_CLOUD in methods:
-        notes.append(f"- `{TRUE_CLOUD}`: the solve on the true cloud, no network: what the solve alone loses.")
-    if notes:
-        yield "\n".join(notes) + "\n"

@@ -17,7 +17,7 @@ class Config(StageConfig):
     motions: tuple[str, ...] = Field(
         (),
         description="NAME=PATH of BVH files or motion artefacts to play side by side, the truth first; "
-        "SCENE/NAME=PATH for several scenes.",
+        "SCENE/NAME=PATH for several scenes, SCENE a title or TITLE: DETAIL.",
     )
     keyframes: str = Field("every:15", description="Which frames of the motions were known.")
     scene_keyframes: tuple[str, ...] = Field((), description="SCENE=FRAMES where a scene's known frames are others.")

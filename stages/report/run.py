@@ -11,11 +11,10 @@ from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
-from data_schemas.metrics import read_metrics
 from data_schemas.whole_file import write_whole
 from stages.report.config import Config
 from stages.report.curves import curves_html
-from stages.report.markdown import markdown_html
+from stages.report.results import results_html
 from stages.report.scenes import scenes_of
 from stages.report.strips import strips_svg
 from stages.shared.contract import StageReport
@@ -47,9 +46,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         script=_text("view3d.js") + _text("player.js"),
         player=_text("player.html") if scenes else "",
         scenes=_safe_json(scenes),
-        results=f'<section id="results"><h2>Results</h2>{markdown_html(read_metrics(metrics)[1])}</section>'
-        if metrics
-        else "",
+        results=results_html(metrics) if metrics else "",
         training="".join(_training(checkpoint) for checkpoint in checkpoints),
         origin=_origin(
             [artefact for artefact in (metrics, *checkpoints) if artefact], _played(config), config.licences

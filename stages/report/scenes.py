@@ -28,6 +28,25 @@ LEAST_BONE_M = 1e-4
 
 
 @dataclass(frozen=True)
+class Heading:
+    """What a scene is called: a title, and in smaller letters a detail, which may be ""."""
+
+    title: str
+    detail: str = ""
+
+    @property
+    def name(self) -> str:
+        """Both in one line."""
+        return f"{self.title}: {self.detail}" if self.detail else self.title
+
+
+def heading_of(given: str) -> Heading:
+    """The heading that the user wrote as `TITLE` or `TITLE: DETAIL`."""
+    title, _, detail = given.partition(": ")
+    return Heading(title, detail)
+
+
+@dataclass(frozen=True)
 class Played:
     """A motion to play."""
 
@@ -44,7 +63,10 @@ def scenes_of(config: Config) -> list[dict]:
         InputError: a file is bad, or artefacts of a scene share no clip.
     """
     named = _named_keyframes(config)
-    scenes = [_scene(name, motions, config, named.get(name, config.keyframes)) for name, motions in _loaded(config)]
+    scenes = [
+        _scene(heading, motions, config, named.get(heading.name, config.keyframes))
+        for heading, motions in _loaded(config)
+    ]
     unknown = sorted(set(named) - {scene["name"] for scene in scenes})
     if unknown:
         raise UsageError(f"No scene is called {unknown[0]!r}.", "Name in --scene-keyframes those of --motions.")
@@ -61,7 +83,7 @@ def _named_keyframes(config: Config) -> dict[str, str]:
     return found
 
 
-def _loaded(config: Config) -> Iterator[tuple[str, list[Played]]]:
+def _loaded(config: Config) -> Iterator[tuple[Heading, list[Played]]]:
     scenes: dict[str, list[tuple[str, Path]]] = {}
     for text in config.motions:
         label, equals, path = text.partition("=")
@@ -73,7 +95,7 @@ def _loaded(config: Config) -> Iterator[tuple[str, list[Played]]]:
         artefacts = [(name, path) for name, path in members if (path / MANIFEST_NAME).is_file() or path.is_dir()]
         files = [Played(name, *_read_file(path)) for name, path in members if (name, path) not in artefacts]
         if not artefacts:
-            yield scene or _scene_name(members), files
+            yield heading_of(scene) if scene else Heading(_scene_name(members)), files
         else:
             yield from _clips_of(scene, artefacts, files, config.max_clips)
 
@@ -93,7 +115,7 @@ def _read_file(path: Path) -> tuple[Skeleton, Motion]:
 
 def _clips_of(
     scene: str, artefacts: list[tuple[str, Path]], files: list[Played], limit: int
-) -> Iterator[tuple[str, list[Played]]]:
+) -> Iterator[tuple[Heading, list[Played]]]:
     """One scene a clip that all artefacts have."""
     readers = [(name, MotionReader(path)) for name, path in artefacts]
     try:
@@ -109,14 +131,14 @@ def _clips_of(
                 Played(name, reader.skeleton(reader.row(clip).skeleton), reader.motion(clip))
                 for name, reader in readers
             ]
-            told = clip.removeprefix(f"{scene}.")  # clips of an archive begin with its name
-            yield (f"{scene}: {told}" if scene else clip), played + files
+            detail = clip.removeprefix(f"{scene}.")  # clips of an archive begin with its name
+            yield (Heading(scene, detail) if scene else Heading(clip)), played + files
     finally:
         for _, reader in readers:
             reader.close()
 
 
-def _scene(name: str, motions: list[Played], config: Config, keyframes: str) -> dict:
+def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: str) -> dict:
     first = motions[0]
     keys = parse_keyframes(keyframes, first.motion.frames)
     if config.slerp and all(played.name != SLERP for played in motions):
@@ -126,7 +148,9 @@ def _scene(name: str, motions: list[Played], config: Config, keyframes: str) -> 
     cloud = figures[0].points
     origin = cloud[:, figures[0].root].mean(axis=0) * [1, 0, 1]
     return {
-        "name": name,
+        "name": heading.name,
+        "title": heading.title,
+        "detail": heading.detail,
         "keys": [int(key) for key in keys if key < len(cloud)],
         "floor": round(float(np.percentile(cloud[..., 1].min(axis=1), 2)), 4),
         "height": round(float(np.percentile(np.ptp(cloud[..., 1], axis=1), 90)), 4),

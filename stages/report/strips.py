@@ -56,8 +56,8 @@ def _scene(scene: dict, top: int) -> list[str]:
     floor = scene["floor"]
     scale = min((HEIGHT - 26) / max(span[..., 1].max() - floor, 0.1), 1.25 * CELL / max(np.ptp(span[..., 0]), 0.1))
     base = top + HEIGHT - 18
-    named, _, detail = scene["name"].partition(": ")
-    parts = [f'<text x="8" y="{top + 40}" font-weight="600">{escape(named)}</text>']
+    detail = scene["detail"]
+    parts = [f'<text x="8" y="{top + 40}" font-weight="600">{escape(scene["title"])}</text>']
     parts += [f'<text x="8" y="{top + 56}" fill="#666666">{escape(detail)}</text>'] if detail else []
     told = f"frames {first} to {last} at {truth['fps']:.0f} a second"
     parts.append(f'<text x="8" y="{top + 72}" fill="#666666" font-size="10">{told}</text>')

@@ -15,18 +15,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from data_schemas.artefact import write_artefact
+from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import write_checkpoint
 from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.trainings import TrainedArchive, TrainingData
 from stages.report.config import Config
 from stages.report.curves import curves_html
-from stages.report.markdown import markdown_html
+from stages.report.results import results_html, table_html
 from stages.report.run import run
 from stages.report.scenes import slerped
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.statistics.method_notes import MeasuredWeights, MethodFacts
+from stages.shared.statistics.table import Entry, Row, Table
+from stages.shared.statistics.tables import cells, overview_tables
 
 FRAMES = 41
 BVH = """HIERARCHY
@@ -91,9 +95,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         weights = {"w": np.zeros(1, np.float32)}
         write_checkpoint(draft.folder, weights=weights, config={}, optimiser=None, log=log, card="")
     with write_artefact(folder / "metrics", "metrics", stage="evaluate", config={}) as draft:
-        table = "| metric | method | 15 |\n|---|---|---:|\n| L2P | ours | 0.4 ×0.80* |\n"
-        summary = f"# Evaluation\n\n1 clip.\n\n## set\n\n{table}"
-        write_metrics(draft.folder, [MetricRow("c", "s", "set", "ours", "interpolation", 15, "l2p_m", 0.4)], summary)
+        both = (("slerp", 0.5), ("ours", 0.4))
+        rows = [
+            MetricRow(f"c{clip}", "s", "set", method, "interpolation", 15, "l2p_m", value + 0.001 * clip)
+            for method, value in both
+            for clip in range(3)
+        ]
+        write_metrics(draft.folder, rows, "# Evaluation")
     return folder
 
 
@@ -244,14 +252,62 @@ def test_curves_of_odd_logs() -> None:
     assert "NaN" not in curves_html(negative) and "nan" not in curves_html(negative)
 
 
-def test_markdown_of_a_summary() -> None:
-    text = markdown_html(
-        "# Title\n\nA `b` & <c>.\n\n```\n<x>\n```\n- one\n- two\n## part\n\n| a | n |\n|---|---:|\n| x | 1 [0, 2] |\n"
+def test_a_table_in_html() -> None:
+    rows = (
+        Row(("L2P", "<ours>"), (Entry("0.4", "[0.3, 0.5]", "×0.80*", "better"), Entry())),
+        Row(("", "a|b"), (Entry("0.5", ratio="×1.00", verdict="same"), Entry("0.6", ratio="×1.2*", verdict="worse"))),
+        Row(("L2Q", "ours"), (Entry("1"), Entry("2"))),
     )
-    assert "<p>A <code>b</code> &amp; &lt;c&gt;.</p>" in text and "Title" not in text
-    assert "<pre>&lt;x&gt;</pre>" in text and "<ul><li>one</li><li>two</li></ul>" in text
-    assert "<details open><summary>part</summary>" in text
-    assert '<td class="number">1 <small>[0, 2]</small></td>' in text
+    text = table_html(Table(("metric", "method"), ("15", "30"), rows))
+    best = '<td class="number">0.4 <small>[0.3, 0.5]</small> <span class="better">×0.80*</span></td>'
+    assert f"<td>L2P</td><td>&lt;ours&gt;</td>{best}" in text
+    assert '<td class="number"></td>' in text and '<span class="worse">×1.2*</span>' in text and "a|b" in text
+    assert text.count('<tr class="group">') == 1 and '<tr class="group"><td>L2Q' in text
+    assert '<th>method</th><th class="number">15</th>' in text
+
+
+def test_results_come_from_rows_and_the_manifest_alone(tmp_path: Path) -> None:
+    rows = [
+        MetricRow(f"c{clip}", "s", archive, method, "interpolation", 15, metric, value + 0.01 * clip)
+        for archive in ("one", "two")
+        for clip in range(3)
+        for method, value in (("slerp", 1.0), ("mine", 0.5))
+        for metric in ("l2p_m", "mpjpe_mm", "foot_skate_mps")
+    ]
+    data = TrainingData(clips=3, seconds=3600.0, skeletons=1, archives=[TrainedArchive(name="walks, <slow>.zip")])
+    weights = [MeasuredWeights(name="mine", source="runs/a`b", data=data)]
+    facts = MethodFacts(weights=weights, breakdown=True, borrowed_statistics=["abc"]).model_dump()
+    settings = {"splits": ["test"], "max_windows": 4, "where": None}
+    with write_artefact(tmp_path / "m", "metrics", stage="evaluate", config=settings) as draft:
+        write_metrics(draft.folder, rows, "# A page\n\nthat nobody reads | here")
+        draft.summary |= facts
+    text = results_html(open_artefact(tmp_path / "m", "metrics"))
+    assert "nobody reads" not in text and "6 clips on 1 skeleton, measured by evaluate. Methods: slerp, mine." in text
+    assert "<code>mine</code>: weights <code>runs/a`b</code>, trained on 3 clips, 1.00 hours" in text
+    assert "walks, &lt;slow&gt;.zip" in text and "<code>solve-true-cloud</code>" in text and "skeletons abc" in text
+    shown = table_html(overview_tables(cells(rows))[0][1])
+    assert shown in text and '<span class="better">×0.50*</span>' in text
+    headings = ["<details><summary>one", "<details><summary>two", "<details open><summary>all archives"]
+    assert [text.count(each) for each in headings] == [1, 1, 1]
+    assert text.count("<h3>Feel</h3>") == 3 and text.count("<h3>Interpolation, frames between keys</h3>") == 3
+    assert "<dt>splits</dt><dd>test</dd><dt>max_windows</dt><dd>4</dd><dt>where</dt><dd>none</dd>" in text
+
+
+def test_metrics_of_other_stages_are_shown_by_their_own_names(tmp_path: Path) -> None:
+    rows = [MetricRow(f"c{n}", "s", "set", "a network", "clouds", 24, "rec_mm", 10.0 + n) for n in range(3)]
+    with write_artefact(tmp_path / "m", "metrics", stage="measure-ae", config={}) as draft:
+        write_metrics(draft.folder, rows, "# A page")
+    text = results_html(open_artefact(tmp_path / "m", "metrics"))
+    assert "<h3>clouds</h3>" in text and "<td>rec_mm</td><td>a network</td>" in text
+    assert '<td class="number">11.0 <small>[' in text and "as a share of" not in text
+
+
+def test_damaged_facts_are_named(tmp_path: Path) -> None:
+    with write_artefact(tmp_path / "m", "metrics", stage="evaluate", config={}) as draft:
+        write_metrics(draft.folder, [MetricRow("c", "s", "a", "m", "interpolation", 15, "l2p_m", 0.4)], "# A page")
+        draft.summary["weights"] = "all"
+    with pytest.raises(InputError, match=r"manifest\.json is damaged"):
+        results_html(open_artefact(tmp_path / "m", "metrics"))
 
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

@@ -36,7 +36,8 @@ def scene(offset: float = 0.1) -> dict:
     made = truth.copy()
     made[1:-1, :, 2] += offset
     return {
-        "name": "pole: <odd>",
+        "title": "pole",
+        "detail": "<odd>",
         "keys": [0, 30],
         "floor": 0.0,
         "motions": [packed("truth", truth), packed("it", made)],

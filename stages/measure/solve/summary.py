@@ -13,6 +13,7 @@ from stages.measure.solve.figures import LABELS
 from stages.measure.solve.methods import SLERP
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.bootstrap import Estimate, mean_interval
+from stages.shared.statistics.table import Entry, Row, without_repeats
 from stages.shared.statistics.tables import ALL
 
 LEGEND = (
@@ -48,10 +49,7 @@ def summary_md(config: Config, rows: Sequence[MetricRow]) -> str:
 def true_table(rows: Sequence[MetricRow]) -> list[str]:
     """Markdown: every archive, interval and method, with intervals."""
     metrics = [metric for metric in LABELS if any(row.metric == metric for row in rows)]
-    lines = [
-        f"| data | keys every | method | {' | '.join(LABELS[metric] for metric in metrics)} |",
-        f"|---|---:|---|{'---:|' * len(metrics)}",
-    ]
+    shown: list[Row] = []
     archives = _in_order(row.archive for row in rows)
     for archive in [*archives, ALL] if len(archives) > 1 else archives:
         here = [row for row in rows if archive in (row.archive, ALL)]
@@ -60,8 +58,13 @@ def true_table(rows: Sequence[MetricRow]) -> list[str]:
                 cells = [_text(_mean(here, interval, method, metric)) for metric in metrics]
                 count = len({row.clip for row in here})
                 label = f"{archive} ({count} clip{'' if count == 1 else 's'})"
-                lines.append(f"| {label} | {interval} | {method} | {' | '.join(cells)} |")
-    return _without_repeats(lines, columns=2)
+                entries = (Entry(text) for text in (method, *cells))
+                shown.append(Row((label, str(interval)), tuple(entries)))
+    return [
+        f"| data | keys every | method | {' | '.join(LABELS[metric] for metric in metrics)} |",
+        f"|---|---:|---|{'---:|' * len(metrics)}",
+        *(row.markdown() for row in without_repeats(shown)),
+    ]
 
 
 def fault_table(rows: Sequence[MetricRow]) -> list[str]:
@@ -120,19 +123,6 @@ def _text(estimate: Estimate | None, *, spans: bool = True) -> str:
     if spans and estimate.low is not None and estimate.high is not None:
         text += f" [{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
     return text
-
-
-def _without_repeats(lines: list[str], columns: int) -> list[str]:
-    """Table rows whose first cells repeat the row before leave them empty."""
-    out, last = lines[:2], [""] * columns
-    for line in lines[2:]:
-        cells = line.split(" | ")
-        first = [cells[0].removeprefix("| "), *cells[1:columns]]
-        same = [all(a == b for a, b in zip(first[: i + 1], last[: i + 1], strict=True)) for i in range(columns)]
-        shown = ["" if repeat else cell for repeat, cell in zip(same, first, strict=True)]
-        out.append("| " + " | ".join([*shown, *cells[columns:]]))
-        last = first
-    return out
 
 
 def _in_order(values: Iterable) -> list:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stages.shared.statistics.bootstrap import Estimate
-from stages.shared.statistics.figures import METRICS, TRUTH
+from stages.shared.statistics.figures import METRICS, TRUTH, metric_named
+from stages.shared.statistics.table import Entry, Row, Table
 from stages.shared.statistics.tables import Cell, Key, aligned, decimals_of, in_order, scopes_of, span_text
 
+TITLE = "Feel"
 COLUMNS = {
     "key_jump_mps": "velocity jump at keys (m/s)",
     "seam_share": "at seams / elsewhere",
@@ -26,13 +28,16 @@ LEGEND = (
 )
 
 
+def feel_table(found: dict[Key, Cell], scope: str, *, aside: tuple[str, ...] = ()) -> Table | None:
+    """One scope's table; None where no feel was measured. Methods of `aside` are left out."""
+    rows = _rows(found, scope, aside)
+    return Table(("task", "method"), tuple(COLUMNS.values()), tuple(rows)) if rows else None
+
+
 def feel_markdown(found: dict[Key, Cell], scope: str, *, aside: tuple[str, ...] = ()) -> str:
     """Markdown of one scope's table under a heading of the third level; nothing where no feel was measured."""
-    rows = _rows(found, scope, aside)
-    if not rows:
-        return ""
-    head = [f"| task | method | {' | '.join(COLUMNS.values())} |", f"|---|---|{'---:|' * len(COLUMNS)}"]
-    return "\n".join(["### Feel\n", *head, *(f"| {' | '.join(row)} |" for row in rows), ""])
+    table = feel_table(found, scope, aside=aside)
+    return "\n".join([f"### {TITLE}\n", *table.markdown(), ""]) if table else ""
 
 
 def feel_lines(found: dict[Key, Cell]) -> list[str]:
@@ -41,31 +46,33 @@ def feel_lines(found: dict[Key, Cell]) -> list[str]:
     rows = _rows(found, scopes[-1], ASIDE) if scopes else []
     if not rows:
         return []
-    return [*aligned([["Feel:", "", *COLUMNS.values()], *rows]), f"({scopes[-1]}; 95% intervals over clips)"]
+    grid = [[f"{TITLE}:", "", *COLUMNS.values()], *(row.texts() for row in rows)]
+    return [*aligned(grid), f"({scopes[-1]}; 95% intervals over clips)"]
 
 
-def _rows(found: dict[Key, Cell], scope: str, aside: tuple[str, ...]) -> list[list[str]]:
-    rows: list[list[str]] = []
-    measured = {key: cell for key, cell in found.items() if key[0] == scope and METRICS[key[3]].feel}
+def _rows(found: dict[Key, Cell], scope: str, aside: tuple[str, ...]) -> list[Row]:
+    rows: list[Row] = []
+    measured = {key: cell for key, cell in found.items() if key[0] == scope and metric_named(key[3]).feel}
     for task in in_order(measured, 1):
         for interval in sorted({key[2] for key in measured if key[1] == task}):
             here = {(key[4], key[3]): cell for key, cell in measured.items() if key[1:3] == (task, interval)}
             for number, method in enumerate(m for m in dict.fromkeys(m for m, _ in here) if m not in aside):
                 label = f"{task} {interval}" if number == 0 else ""
-                rows.append([label, method, *(_text(name, method, here.get((method, name))) for name in COLUMNS)])
+                entries = tuple(_entry(name, method, here.get((method, name))) for name in COLUMNS)
+                rows.append(Row((label, method), entries))
     return rows
 
 
-def _text(metric: str, method: str, cell: Cell | None) -> str:
+def _entry(metric: str, method: str, cell: Cell | None) -> Entry:
     if cell is None:
-        return ""
+        return Entry()
     shown = cell.mean
     if METRICS[metric].beside_truth:
         shown = Estimate(1.0, None, None) if method == TRUTH else cell.ratio
     if shown is None or not np.isfinite(shown.value):
-        return ""
+        return Entry()
     share = METRICS[metric].beside_truth or METRICS[metric].unit == ""
     digits = 2 if share else decimals_of(shown.value)
     if METRICS[metric].unit == "mm":
         digits = min(digits, _MM_DIGITS)
-    return f"{shown.value:.{digits}f}{span_text(shown, digits)}"
+    return Entry(f"{shown.value:.{digits}f}", span_text(shown, digits))

@@ -51,8 +51,16 @@ METRICS: dict[str, Metric] = {
     "fell_back_share": Metric("Fell back", "", feel=True),
 }
 
+
+def metric_named(name: str) -> Metric:
+    """How a metric is printed. One that `METRICS` does not list is called by its own name, with intervals."""
+    return METRICS.get(name) or Metric(name, "", headline=True)
+
+
 POWER_WEIGHTED = ("npss", "npss_lafan1")
 TRUTH = "truth"  # what rows of the truth's own feel are called, where a method's name stands
+TRUE_CLOUD = "solve-true-cloud"  # the method that solves on the true cloud
+RECONSTRUCTED = "-reconstructed"  # follows the name of weights that solve on their reconstruction of the true cloud
 
 
 @dataclass(frozen=True)

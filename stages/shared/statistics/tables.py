@@ -1,16 +1,17 @@
-"""From rows to tables: averages over clips, intervals, ratios to the plain baseline, and their Markdown."""
+"""From rows to tables: averages over clips, intervals, ratios to the plain baseline; Markdown and aligned text."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data_schemas.metrics import MetricRow
 from stages.shared.statistics.bootstrap import Estimate, mean_interval, ratio_interval
-from stages.shared.statistics.figures import METRICS, POWER_WEIGHTED, TRUTH
+from stages.shared.statistics.figures import METRICS, POWER_WEIGHTED, TRUTH, metric_named
+from stages.shared.statistics.table import Entry, Row, Table
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, RECONSTRUCTION, RETARGETING, TRANSITION
 
 ALL = "all archives"
@@ -22,6 +23,11 @@ TASK_WORDS = {
     RECONSTRUCTION: "Reconstruction, known frames",
 }
 DIGITS = 3
+LEGEND = (
+    "In the tables below: mean [95% bootstrap interval over clips] ×ratio to slerp (in prediction to zero velocity) "
+    "on the same windows, with a star where the ratio's own 95% interval leaves out 1. Lower is better. In the "
+    "header: the windows and clips measured."
+)
 
 
 @dataclass(frozen=True)
@@ -56,12 +62,12 @@ def cells(rows: Iterable[MetricRow], seed: int = 0) -> dict[Key, Cell]:
 
 def _cell(key: Key, group: dict, grouped: dict[Key, dict], seed: int) -> Cell:
     scope, task, interval, metric, method = key
-    beside = TRUTH if METRICS[metric].beside_truth else baseline_of(task)
+    beside = TRUTH if metric_named(metric).beside_truth else baseline_of(task)
     base = grouped.get((scope, task, interval, metric, beside), {})
     clips = sorted(group)
     values, weights = _columns(group, clips, metric)
     ratio = None
-    compared = METRICS[metric].beside_truth or not METRICS[metric].feel
+    compared = metric_named(metric).beside_truth or not metric_named(metric).feel
     if compared and method not in (beside, TRUTH) and base.keys() == group.keys():
         ratio = ratio_interval(values, weights, *_columns(base, clips, metric), seed)
     windows = sum(group[clip].windows for clip in clips)
@@ -85,107 +91,137 @@ def scopes_of(found: dict[Key, Cell]) -> list[str]:
     return [*archives, ALL] if len(archives) > 1 else archives
 
 
+@dataclass(frozen=True)
+class TaskTables:
+    """The tables of one task: its heading, the headline metrics with intervals, then the others."""
+
+    title: str
+    tables: tuple[Table, ...]
+
+
+def tables_of_scope(found: dict[Key, Cell], scope: str) -> list[TaskTables]:
+    """For every task of a scope: the headline metrics with intervals, then the others."""
+    tasks = {task: _of_task(found, scope, task) for task in in_order(found, 1)}
+    return [TaskTables(task_words(task), _tables_of_task(here)) for task, here in tasks.items() if here]
+
+
 def task_tables(found: dict[Key, Cell], more: Callable[[str], str] = lambda scope: "") -> str:
-    """Markdown: for every scope and task the headline metrics with intervals, then the others; then what `more` gives
-    for the scope."""
+    """Markdown: the tables of every scope; then what `more` gives for the scope."""
     parts: list[str] = []
     for scope in scopes_of(found):
         parts.append(f"## {scope}\n")
-        for task in in_order(found, 1):
-            here = _of_task(found, scope, task)
-            if here:
-                parts += _task_section(task, here)
+        for section in tables_of_scope(found, scope):
+            parts.append(f"### {section.title}\n")
+            for table in section.tables:
+                parts += [*table.markdown(), ""]
         parts += [text for text in [more(scope)] if text]
     return "\n".join(parts)
 
 
+def task_words(task: str) -> str:
+    """The heading of a task."""
+    return TASK_WORDS.get(task, task)
+
+
 def _of_task(found: dict[Key, Cell], scope: str, task: str) -> dict[Key, Cell]:
-    return {key: cell for key, cell in found.items() if key[:2] == (scope, task) and not METRICS[key[3]].feel}
+    return {key: cell for key, cell in found.items() if key[:2] == (scope, task) and not metric_named(key[3]).feel}
 
 
-def _task_section(task: str, here: dict[Key, Cell]) -> list[str]:
+def _tables_of_task(here: dict[Key, Cell]) -> tuple[Table, ...]:
     intervals = sorted({key[2] for key in here})
-    counts = [_count(here, interval) for interval in intervals]
-    out = [f"### {TASK_WORDS[task]}\n"]
+    tables = []
     for headline in (True, False):
-        metrics = [m for m in METRICS if METRICS[m].headline == headline and any(key[3] == m for key in here)]
-        if not metrics:
-            continue
-        header = [
-            f"{interval} ({count})" if headline else str(interval)
-            for interval, count in zip(intervals, counts, strict=True)
-        ]
-        out.append(f"| metric | method | {' | '.join(header)} |")
-        out.append(f"|---|---|{'---:|' * len(intervals)}")
-        for metric in metrics:
-            out += _metric_rows(metric, intervals, here, headline)
-        out.append("")
-    return out
+        metrics = [metric for metric in _metrics_of(here) if metric_named(metric).headline == headline]
+        if metrics:
+            columns = [f"{i} ({_count(here, i)})" if headline else str(i) for i in intervals]
+            rows = [row for metric in metrics for row in _metric_rows(metric, intervals, here, headline)]
+            tables.append(Table(("metric", "method"), tuple(columns), tuple(rows)))
+    return tuple(tables)
 
 
-def _metric_rows(metric: str, intervals: list[int], here: dict[Key, Cell], headline: bool) -> list[str]:
+def _metrics_of(found: dict[Key, Cell]) -> list[str]:
+    """The metrics in the order of `METRICS`, then those that it does not list."""
+    here = in_order(found, 3)
+    return [*(metric for metric in METRICS if metric in here), *(metric for metric in here if metric not in METRICS)]
+
+
+def _metric_rows(metric: str, intervals: list[int], here: dict[Key, Cell], headline: bool) -> list[Row]:
     scope, task = next(iter(here))[:2]
     methods = [m for m in in_order(here, 4) if any(key[3] == metric and key[4] == m for key in here)]
-    unit = f" ({METRICS[metric].unit})" if METRICS[metric].unit else ""
+    shown = metric_named(metric)
+    unit = f" ({shown.unit})" if shown.unit else ""
     rows = []
     for number, method in enumerate(methods):
-        label = f"{METRICS[metric].label}{unit}" if number == 0 else ""
-        texts = [cell_text(here.get((scope, task, i, metric, method)), intervals=headline) for i in intervals]
-        rows.append(f"| {label} | {method} | {' | '.join(texts)} |")
+        label = f"{shown.label}{unit}" if number == 0 else ""
+        entries = [_entry(here.get((scope, task, i, metric, method)), intervals=headline) for i in intervals]
+        rows.append(Row((label, method), tuple(entries)))
     return rows
 
 
 def _count(here: dict[Key, Cell], interval: int) -> str:
     cell = next(cell for key, cell in here.items() if key[2] == interval)
-    return f"{_plural(cell.windows, 'window')} of {_plural(cell.clips, 'clip')}"
+    return f"{counted(cell.windows, 'window')} of {counted(cell.clips, 'clip')}"
 
 
-def _plural(count: int, word: str) -> str:
+def counted(count: int, word: str) -> str:
+    """`1 clip`, `2 clips`."""
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
-def overview(found: dict[Key, Cell]) -> str:
-    """Markdown: each method's first headline metric as a share of the baseline's, for every scope and task."""
+def overview_tables(found: dict[Key, Cell]) -> list[tuple[str, Table]]:
+    """Each method's first headline metric as a share of the baseline's, for every scope and task: a table with its
+    caption for each baseline."""
     metric = next((m for m in METRICS if any(key[3] == m for key in found)), "l2p_m")
-    parts: list[str] = []
+    tables = []
     for baseline in dict.fromkeys(map(baseline_of, in_order(found, 1))):
         tasks = [task for task in in_order(found, 1) if baseline_of(task) == baseline]
         columns = [(task, i) for task in tasks for i in sorted({key[2] for key in found if key[1] == task})]
-        header = " | ".join(f"{task} {interval}" for task, interval in columns)
-        parts.append(f"{METRICS[metric].label} as a share of that of {baseline} [95% interval]:\n")
-        parts += [f"| data | method | {header} |", f"|---|---|{'---:|' * len(columns)}"]
-        for scope in scopes_of(found):
-            parts += _overview_rows(found, scope, metric, columns)
-        parts.append("")
+        rows = [row for scope in scopes_of(found) for row in _overview_rows(found, scope, metric, columns)]
+        heads = tuple(f"{task} {interval}" for task, interval in columns)
+        caption = f"{METRICS[metric].label} as a share of that of {baseline} [95% interval]"
+        tables.append((caption, Table(("data", "method"), heads, tuple(rows))))
+    return tables
+
+
+def overview(found: dict[Key, Cell]) -> str:
+    """Markdown of `overview_tables`."""
+    parts: list[str] = []
+    for caption, table in overview_tables(found):
+        parts += [f"{caption}:\n", *table.markdown(), ""]
     return "\n".join(parts)
 
 
-def _overview_rows(found: dict[Key, Cell], scope: str, metric: str, columns: list[tuple[str, int]]) -> list[str]:
-    rows: list[str] = []
+def _overview_rows(found: dict[Key, Cell], scope: str, metric: str, columns: list[tuple[str, int]]) -> list[Row]:
+    rows: list[Row] = []
     for method in in_order(found, 4):
         picked = [found.get((scope, task, interval, metric, method)) for task, interval in columns]
         if any(cell and cell.ratio for cell in picked):
-            rows.append(f"| {'' if rows else scope} | {method} | {' | '.join(map(_ratio_text, picked))} |")
+            rows.append(Row(("" if rows else scope, method), tuple(map(_ratio_entry, picked))))
     return rows
 
 
-def _ratio_text(cell: Cell | None) -> str:
+def _ratio_entry(cell: Cell | None) -> Entry:
     if cell is None or cell.ratio is None or not np.isfinite(cell.ratio.value):
-        return ""
-    return f"{cell.ratio.value:.2f}{span_text(cell.ratio, 2)}"
+        return Entry()
+    return Entry(f"{cell.ratio.value:.2f}", span_text(cell.ratio, 2))
+
+
+def _entry(cell: Cell | None, *, intervals: bool = True) -> Entry:
+    """Mean, interval, ratio to the baseline; a star where the ratio's interval leaves out 1."""
+    if cell is None:
+        return Entry()
+    digits = decimals_of(cell.mean.value)
+    entry = Entry(f"{cell.mean.value:.{digits}f}", span_text(cell.mean, digits) if intervals else "")
+    if cell.ratio is None or not np.isfinite(cell.ratio.value):
+        return entry
+    certain = _leaves_out_one(cell.ratio)
+    verdict = "same" if not certain else "better" if cell.ratio.value < 1 else "worse"
+    return replace(entry, ratio=f"×{cell.ratio.value:.2f}{'*' if certain else ''}", verdict=verdict)
 
 
 def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
     """`0.412 [0.38, 0.45] ×0.81*`: mean, interval, ratio to the baseline; a star where its interval leaves out 1."""
-    if cell is None:
-        return ""
-    digits = decimals_of(cell.mean.value)
-    text = f"{cell.mean.value:.{digits}f}"
-    if intervals:
-        text += span_text(cell.mean, digits)
-    if cell.ratio is not None and np.isfinite(cell.ratio.value):
-        text += f" ×{cell.ratio.value:.2f}{'*' if _leaves_out_one(cell.ratio) else ''}"
-    return text
+    return _entry(cell, intervals=intervals).text
 
 
 def _leaves_out_one(ratio: Estimate) -> bool:
@@ -193,10 +229,10 @@ def _leaves_out_one(ratio: Estimate) -> bool:
 
 
 def span_text(estimate: Estimate, digits: int) -> str:
-    """` [0.38, 0.45]`, the interval; nothing where there is none."""
+    """`[0.38, 0.45]`, the interval; nothing where there is none."""
     if estimate.low is None or estimate.high is None:
         return ""
-    return f" [{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
+    return f"[{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
 
 
 def decimals_of(value: float) -> int:
@@ -215,10 +251,9 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
         if not here:
             continue
         intervals = sorted({key[2] for key in here})
-        grid = [[f"{TASK_WORDS[task]}:", "", *map(str, intervals)]]
-        for metric in (m for m in METRICS if METRICS[m].headline):
-            rows = _metric_rows(metric, intervals, here, True) if any(key[3] == metric for key in here) else []
-            grid += [[part.strip() for part in row.strip("|").split("|")] for row in rows]
+        grid = [[f"{task_words(task)}:", "", *map(str, intervals)]]
+        for metric in (m for m in _metrics_of(here) if metric_named(m).headline):
+            grid += [row.texts() for row in _metric_rows(metric, intervals, here, True)]
         lines += aligned(grid)
         lines.append(f"({scope}: {_measured_on(here, task, intervals)})")
     return lines
