@@ -39,7 +39,7 @@ def clips_where(rows: Sequence[ClipRow], expression: str | None) -> tuple[ClipRo
     if expression is None or not expression.strip():
         return tuple(rows)
     table = index_table(rows)
-    archives = [PurePosixPath(row.source.split("!")[0].replace("\\", "/")).name for row in rows]
+    archives = [row.archive or PurePosixPath(row.source.replace("\\", "/")).name for row in rows]
     table = table.append_column("archive", pa.array(archives, pa.string()))
     condition = _Condition(expression, table.column_names).condition
     try:

@@ -53,6 +53,12 @@ class ClipRow:
     flags: str = ""
     quality: MotionQuality = field(default_factory=MotionQuality)
 
+    @property
+    def archive(self) -> str | None:
+        """File name of the archive that it came from, such as "walks.zip"; None for a loose file."""
+        archive, mark, _ = self.source.replace("\\", "/").partition("!")
+        return archive.rsplit("/", 1)[-1] if mark else None
+
 
 _TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "str": pa.string()}
 _FIELDS = [each for each in fields(ClipRow) if each.name != "quality"]

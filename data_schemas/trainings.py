@@ -62,10 +62,9 @@ class TrainingData(BaseModel):
     def has_seen(self, row: ClipRow) -> bool:
         """Whether the clip's archive is one of these. A folder may have been renamed, so every loose file counts as
         seen where one was trained on."""
-        archive = archive_name(row)
-        if archive is None:
+        if row.archive is None:
             return any(each.loose for each in self.archives)
-        return any(not each.loose and each.name == archive for each in self.archives)
+        return any(not each.loose and each.name == row.archive for each in self.archives)
 
     def agrees_with(self, other: TrainingData) -> bool:
         """Whether both may be the same data; a sha256 that one of them does not know is not compared."""
@@ -94,8 +93,8 @@ def training_data(rows: Sequence[ClipRow]) -> TrainingData:
     """The facts of clips that a network was trained on."""
     groups: dict[tuple[bool, str], list[ClipRow]] = {}
     for row in rows:
-        archive = archive_name(row)
-        groups.setdefault((archive is None, _folder_name(row) if archive is None else archive), []).append(row)
+        name = _folder_name(row) if row.archive is None else row.archive
+        groups.setdefault((row.archive is None, name), []).append(row)
     archives = [_archive(name, loose, members) for (loose, name), members in groups.items()]
     return TrainingData(
         clips=len(rows),
@@ -119,12 +118,6 @@ def last_sentence(trainings: Sequence[Training]) -> str:
 def plain_trainings(trainings: Iterable[Training]) -> list[dict[str, Any]]:
     """The trainings as JSON can hold them."""
     return [each.model_dump() for each in trainings]
-
-
-def archive_name(row: ClipRow) -> str | None:
-    """File name of the archive that a clip came from, such as "walks.zip"; None for a loose file."""
-    archive, mark, _ = row.source.replace("\\", "/").partition("!")
-    return archive.rsplit("/", 1)[-1] if mark else None
 
 
 def _folder_name(row: ClipRow) -> str:

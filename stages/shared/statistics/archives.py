@@ -7,9 +7,8 @@ from data_schemas.clips import ClipRow
 
 def archive_of(row: ClipRow) -> str:
     """The data set that a clip is from: its archive, or the folder of a loose file."""
+    if row.archive is not None:
+        return row.archive.removesuffix(".zip")
     source = row.source.replace("\\", "/")
-    if "!" in source:
-        source = source.split("!", 1)[0]
-        return source.rsplit("/", 1)[-1].removesuffix(".zip")
     folder = source.rsplit("/", 1)[0] if "/" in source else ""
     return folder.rsplit("/", 1)[-1] or "files"
