@@ -1,7 +1,7 @@
 """Faults and assumptions that a reader reports of a recording: codes, and the sentences that are made from them.
 
-Readers return a `Note`: a code and its figures. The tables `clips.parquet` and `sources.parquet` keep the codes, in the
-column `flags`, separated by spaces. A sentence is made for a person to read; no code reads it back.
+Readers return a `Note`: a code and its figures. The tables `clips.parquet` and `sources.parquet` keep the codes in
+the column `flags`, separated by spaces. A sentence is made for a person to read; no program reads it back.
 """
 
 from __future__ import annotations
