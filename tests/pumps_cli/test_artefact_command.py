@@ -40,7 +40,7 @@ def test_show(run, artefact):
     code, out, _ = artefact("show", "ingest")
     digest = open_artefact("ingest").manifest.digest
     assert code == 0
-    assert out.startswith("ingest: motion, version 2 (motions on their skeletons")
+    assert out.startswith("ingest: motion, version 3 (motions on their skeletons")
     for words in (
         "made by   ingest (pumps 0.1.0)",
         digest,
