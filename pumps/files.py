@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
 from data_schemas.errors import InputError, UsageError
+from data_schemas.notes import sentences_of
 from pumps.motion import Motion
 
 PathLike = str | os.PathLike[str]
@@ -50,7 +51,7 @@ def load_clips(path: PathLike, *, fps: float | None = None, skeleton: PathLike |
             each.skeleton,
             each.motion,
             f"{stem}.{each.part}" if each.part else stem,
-            (*each.notes, *each.remarks),
+            tuple(sentences_of((*each.notes, *each.remarks))),
             source=verbatim,
         )
         for each in recordings

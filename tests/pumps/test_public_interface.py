@@ -136,6 +136,15 @@ def test_artefacts_give_the_arrays_back(tmp_path: Path):
         pumps.write_clips([], tmp_path / "none")
 
 
+def test_notes_are_sentences(tmp_path: Path):
+    header = ",".join(f"{name}.{axis}" for name in pumps.load(CLIPS / "walk.bvh").names for axis in "xyz")
+    places = pumps.load(CLIPS / "walk.bvh").positions[:20]
+    lines = [header, *(",".join(f"{value:.5f}" for value in frame.ravel()) for frame in places)]
+    (tmp_path / "walk.csv").write_text("\n".join(lines))
+    motion = pumps.load(tmp_path / "walk.csv", skeleton=CLIPS / "walk.bvh")
+    assert motion.notes and all(isinstance(note, str) and note.endswith(".") for note in motion.notes)
+
+
 def test_arrays_are_read_only():
     motion = pumps.load(CLIPS / "walk.bvh")
     for values in (motion.positions, motion.rotations, motion.local_rotations, motion.offsets, motion.parents):
