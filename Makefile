@@ -139,7 +139,7 @@ gallery: install
 first-picture: install
 	@mkdir -p '$(RUNS)/gallery'
 	$(PUMPS) infill stages/shared/clips/dance_b.bvh --keyframes every:15 -o '$(RUNS)/gallery/filled.bvh' --overwrite $(GALLERY_WEIGHTS:%=--weights '%')
-	$(PUMPS) report --motions truth=stages/shared/clips/dance_b.bvh --motions 'pumps=$(RUNS)/gallery/filled.bvh' --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --picture docs/pictures/first-fill.svg
+	$(PUMPS) report --motions truth=stages/shared/clips/dance_b.bvh --motions 'pumps=$(RUNS)/gallery/filled.bvh' --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --overwrite --picture docs/pictures/first-fill.svg
 
 retarget-report: install-dev
 	$(VENV)/bin/python benchmarks/retargeting.py --archives '$(SHARED_DATA)' --page docs/results.md

@@ -106,7 +106,7 @@ def write_artefact(
     references, inherited = _describe_inputs(path, inputs)
     _make_folder(path)
     with write_lock(path):
-        _refuse_foreign(path, kind)
+        refuse_foreign(path, kind)
         _remove_leftovers(path)
         draft = Draft(path / f"{_DRAFT_PREFIX}{secrets.token_hex(8)}", licences=set(licences) | inherited)
         draft.folder.mkdir()
@@ -192,7 +192,7 @@ def _make_folder(path: Path) -> None:
         raise PumpsError(f"{path} cannot be made: {error.strerror}.") from None
 
 
-def _refuse_foreign(path: Path, kind: str) -> None:
+def refuse_foreign(path: Path, kind: str) -> None:
     """Raise UsageError if `path` holds anything but an artefact of this kind: it must not be replaced by mistake."""
     if not os.path.lexists(path / MANIFEST_NAME):
         return

@@ -70,15 +70,20 @@ def draw_lineage(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = Fal
 def merge(
     paths: Annotated[list[Path], typer.Argument(help="Artefacts of clips, of one kind.", show_default=False)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the artefact to write.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
     debug: Debug = False,
 ) -> None:
-    """Make one artefact of several: motions, clouds or latents that were made by parts (--shard)."""
+    """Join several artefacts of clips into one: the parts that stages made with --shard."""
+    from data_schemas.manifest import MANIFEST_NAME
     from data_schemas.merging import merge_artefacts
+    from stages.shared.outputs import check_replaceable
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with told(manner, "pumps artefact merge"):
+        if (output / MANIFEST_NAME).exists():
+            check_replaceable(output, overwrite, [("an input", path) for path in paths])
         rows = merge_artefacts(paths, output)
         figures = {"clips": len(rows), "frames": sum(row.frames for row in rows), "output": str(output)}
         line = f"{output}: {len(rows)} clips, {figures['frames']} frames of {len(paths)} artefacts."

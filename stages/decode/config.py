@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Decode latents or clouds: into clouds, onto skeletons whose keyframes are known, or onto a network's rig.
 
     Latents (`latent` with `ae`) become clouds; clouds come as they are (`tpc`). `motion`: its keyframes anchor each

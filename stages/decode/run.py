@@ -17,6 +17,7 @@ from stages.decode.config import Config
 from stages.decode.onto_rig import decode_onto_rig
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import Autoencoder, load_autoencoder
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
 
@@ -27,6 +28,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         encoder, or where no clip can be decoded.
     """
     _check(config)
+    check_artefact(config, "tpc" if config.network is None and config.motion is None else "motion")
     if config.network is not None:
         return decode_onto_rig(config, progress)
     if config.motion is not None:

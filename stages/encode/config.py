@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig, ShardedConfig
+from stages.shared.contract import DeviceConfig, ShardedConfig, WritingConfig
 
 
-class Config(DeviceConfig, ShardedConfig):
+class Config(WritingConfig, ShardedConfig, DeviceConfig):
     """Encode every frame of a `tpc` artefact into a `latent` artefact."""
 
     tpc: Path = Field(description="The tpc artefact.")

@@ -11,6 +11,7 @@ from data_schemas.tpc import TpcReader
 from stages.encode.config import Config
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import load_autoencoder
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
 
@@ -19,6 +20,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError for bad artefacts.
     """
+    check_artefact(config, "latent")
     autoencoder = load_autoencoder(config.ae, config.device)
     frames = 0
     with TpcReader(config.tpc) as reader:

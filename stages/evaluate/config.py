@@ -6,13 +6,13 @@ from pathlib import Path
 
 from pydantic import Field, field_validator
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 from stages.shared.statistics.tasks import TASK_NAMES
 
 PROTOCOLS = ("pumps", "lafan1")
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure filling on a `motion` artefact beside LERP and SLERP (task definitions in docs/evaluation.md)."""
 
     motion: Path = Field(description="The motion artefact whose test clips are filled.")

@@ -21,6 +21,7 @@ from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import window_seams
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.feel import TrueFeet, feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines
@@ -78,6 +79,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         InputError: the motion artefact is bad, or has no clip of the wanted splits that is long enough.
         UsageError: two methods share a name.
     """
+    check_artefact(config, "metrics")
     motion = open_artefact(config.motion, "motion")
     with MotionReader(motion) as reader:
         loaded = load_all(config)

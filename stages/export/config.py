@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig):
     """Give a motion in a form that other programs read."""
 
     input: str = Field(
@@ -40,4 +40,3 @@ class Config(StageConfig):
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
     fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.", gt=0)
-    overwrite: bool = Field(False, description="Replace outputs that exist.")

@@ -13,6 +13,7 @@ from stages.shared.contract import StageReport
 from stages.shared.formats.robot_rig import robot_named
 from stages.shared.formats.robot_write import csv_of_rows, notes_of_rows, rows_of_motion
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
+from stages.shared.outputs import check_file, check_written
 from stages.shared.progress import SILENT, Progress
 
 _SUFFIXES = {**SUFFIXES, "robot-csv": ".csv"}
@@ -27,15 +28,18 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     into_folder = config.output.is_dir() or not config.output.suffix
     kind = _kind_of(config, into_folder)
     names = names_of(config)
+    if not into_folder:
+        check_file(config)
+    for name in names or ():
+        check_written(config, _path_of(name, kind, config, into_folder))
     progress.start("Writing clips", len(names) if names else None)
     written: list[Path] = []
     notes: list[str] = []
     for clip in clips_of(config):
         if not into_folder and written:
             raise UsageError(f"{config.input} holds several clips.", "Name one with --clip, or a folder to write to.")
-        path = config.output / f"{clip.name}{_SUFFIXES[kind]}" if into_folder else config.output
-        if path.exists() and not config.overwrite:
-            raise UsageError(f"{path} exists.", "Give --overwrite to replace it.")
+        path = _path_of(clip.name, kind, config, into_folder)
+        check_written(config, path)
         data, remarks = _data_of(clip, kind, config)
         write_whole(path, data)
         written.append(path)
@@ -49,6 +53,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         lines=[f"wrote {told}", *dict.fromkeys(notes)],
         figures={"format": kind, "files": [str(path) for path in written], "notes": notes},
     )
+
+
+def _path_of(name: str, kind: str, config: Config, into_folder: bool) -> Path:
+    return config.output / f"{name}{_SUFFIXES[kind]}" if into_folder else config.output
 
 
 def _kind_of(config: Config, into_folder: bool) -> str:

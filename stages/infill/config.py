@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton."""
 
     input: Path = Field(
@@ -43,4 +43,3 @@ class Config(DeviceConfig):
     )
     foot_lock: bool = Field(True, description="Hold feet that stand where they stand, by turning the legs.")
     points: int = Field(256, description="Points of the cloud.", ge=16, le=100_000)
-    overwrite: bool = Field(False, description="Replace an output that exists.")

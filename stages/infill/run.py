@@ -19,12 +19,13 @@ from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallback
 from stages.shared.contract import StageReport
 from stages.shared.formats.skeleton_map import read_skeleton_map
 from stages.shared.formats.sources import source_named
-from stages.shared.formats.writers import bytes_of_motion, written_format
+from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
 from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.outputs import check_file
 from stages.shared.progress import SILENT, Progress
 
 
@@ -43,7 +44,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: UsageError for options that contradict each other; InputError for a file, frames or weights that are bad.
     """
     started = time.perf_counter()
-    _check_output(config)
+    check_file(config, SUFFIXES.values())
     file = row_file(source_named(str(config.input)), config)
     progress.start("filling", 3)
     models = load_weights(config.weights, config.device)
@@ -90,15 +91,6 @@ def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
     rows = request.key_rows[region.of_all]
     data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
     return FilledFile(data, request, region, skeleton, filled, (*notes, *losses))
-
-
-def _check_output(config: Config) -> None:
-    """Raises UsageError for an output that exists, is the input, or has a suffix of no format."""
-    if config.output.is_dir():
-        raise UsageError(f"{config.output} is a folder.", "Name the file to write.")
-    if config.output.exists() and not config.overwrite:
-        raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it.")
-    written_format(config.output)
 
 
 def _in_format_of(output: Path, file: RowFile, made: FilledFile) -> tuple[bytes, list[str]]:

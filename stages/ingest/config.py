@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import ShardedConfig
+from stages.shared.contract import ShardedConfig, WritingConfig
 
 
-class Config(ShardedConfig):
+class Config(WritingConfig, ShardedConfig):
     """Read recordings into one `motion` artefact."""
 
     sources: tuple[str, ...] = Field(

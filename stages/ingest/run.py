@@ -28,6 +28,7 @@ from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.skeleton_map import read_skeleton_maps, unused_maps
 from stages.shared.formats.sources import Source, find_sources
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
 _LINES_SHOWN = 40
@@ -39,6 +40,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     A bad file is reported and skipped, unless `config.strict`; `sources.parquet` records the outcome of each file.
     Raises: UsageError for invalid options; InputError if nothing could be kept, or for the first bad file if strict.
     """
+    check_artefact(config, "motion")
     overrides = _parse_overrides(config.fps_override)
     asked = _asked(config)
     sources = find_sources(config.sources, suffixes_of(config.format))

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig):
     """One HTML page that opens offline: results, loss curves, motions side by side in 3D."""
 
     metrics: Path | None = Field(None, description="The metrics artefact.")

@@ -18,6 +18,7 @@ from stages.report.results import results_html
 from stages.report.scenes import scenes_of
 from stages.report.strips import strips_svg
 from stages.shared.contract import StageReport
+from stages.shared.outputs import check_file
 from stages.shared.progress import SILENT, Progress
 
 ASSETS = Path(__file__).resolve().parent / "assets"
@@ -34,6 +35,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     if config.metrics is None and not config.checkpoints and not config.motions:
         raise UsageError("There is nothing to report.", "Give --metrics, --checkpoints or --motions.")
+    check_file(config, (".html", ".htm"))
+    if config.picture is not None:
+        check_file(config, (".svg",), "picture")
     progress.start("Writing the page", 3)
     scenes = scenes_of(config)
     progress.advance(1, "motions")

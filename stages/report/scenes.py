@@ -18,6 +18,7 @@ from data_schemas.skeleton import NO_GROUP, Motion, Skeleton
 from stages.report.config import Config
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.formats.sources import source_named
 from stages.shared.inference.keyframes import parse_keyframes
 from stages.shared.kinematics.forward import global_rotations, local_rotations, offsets_over_time, positions_of
 from stages.shared.kinematics.plain_interpolation import interpolate_pose
@@ -105,11 +106,8 @@ def _scene_name(members: list[tuple[str, Path]]) -> str:
 
 
 def _read_file(path: Path) -> tuple[Skeleton, Motion]:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.", "Check the path in --motions.") from None
-    skeleton, motion, _ = motion_of(read_bvh(data, str(path)))
+    source = source_named(str(path))
+    skeleton, motion, _ = motion_of(read_bvh(source.read(), source.name))
     return skeleton, motion
 
 

@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Give a motion to another skeleton, of which no pose of the motion is known."""
 
     input: Path = Field(
@@ -40,7 +40,6 @@ class Config(DeviceConfig):
         " list's name for positions.",
     )
     respect_limits: bool = Field(False, description="Keep a robot's angles within the limits that its URDF tells.")
-    overwrite: bool = Field(False, description="Replace the output if it exists.")
 
     @model_validator(mode="after")
     def _network_fits(self) -> Config:

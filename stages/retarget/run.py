@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import numpy as np
 
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import InputError
 from data_schemas.motion import skeleton_id
 from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.retarget.config import Config
-from stages.retarget.targets import read_target
+from stages.retarget.targets import Target, read_target
 from stages.shared.contract import StageReport
 from stages.shared.formats.readers import recordings_in
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import source_named
+from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
 from stages.shared.humanoid.retargeting import Retargeted, retarget
 from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
 from stages.shared.inference.retarget_clouds import SIGMA_M, pull_to_places
@@ -25,6 +27,7 @@ from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_net
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.networks.layers.device import choose_device
+from stages.shared.outputs import check_file
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import pose_of_motion
 
@@ -34,19 +37,18 @@ STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on aver
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Retarget a recording.
 
-    Raises: UsageError for an output that exists; InputError for files that are no humanoids, and for a rig whose
+    Raises: UsageError for an output that exists or has a suffix that cannot be written; InputError for files that are no humanoids, and for a rig whose
     rest pose is none and that has no frame of motion either.
     """
     started = time.perf_counter()
-    if config.output.is_dir() or (config.output.exists() and not config.overwrite):
-        raise UsageError(f"{config.output} exists.", "Give --overwrite to replace it, or another name.")
+    check_file(config, SUFFIXES.values())
     progress.start("retargeting", 3)
     source, motion, notes = _read(config)
     target = read_target(config)
     progress.advance(note="read")
     made, turned = retargeted(source, motion, target.skeleton, target.poses, config)
     progress.advance(note="moved")
-    data, losses = target.written(made)
+    data, losses = _in_format_of(config.output, target, made)
     write_whole(config.output, data)
     progress.advance(note="written")
     notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in target.notes)]
@@ -68,6 +70,13 @@ def retargeted(
     """
     turned = retarget(source, motion, target, poses)
     return _moved(config, source, motion, target, turned), turned
+
+
+def _in_format_of(output: Path, target: Target, made: Motion) -> tuple[bytes, list[str]]:
+    """The motion in the rig's own format, or as `pumps export` writes it if the output has another suffix."""
+    if output.suffix.lower() == target.suffix:
+        return target.written(made)
+    return bytes_of_motion(written_format(output), target.skeleton, made, output.stem)
 
 
 def _moved(config: Config, source: Skeleton, motion: Motion, target: Skeleton, turned: Retargeted) -> Motion:

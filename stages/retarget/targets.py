@@ -13,7 +13,6 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.retarget.config import Config
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, values_of
-from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.formats.bvh_write import write_bvh
 from stages.shared.formats.recording import Asked, recording_of
 from stages.shared.formats.robot_csv import poses_of
@@ -27,13 +26,18 @@ _STANDING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # place and quaternion of a rob
 
 @dataclass(frozen=True)
 class Target:
-    """skeleton: what is to move. poses: of it, to find a reference among. written: the bytes of a motion of it, in
-    its own format, and what they cannot hold, a sentence each."""
+    """The rig that a motion is put on.
+
+    skeleton: its joints. poses: a motion of it, one frame of which becomes the reference pose.
+    written:  the bytes of a motion of it in its own format, and notes on what they do not hold, one sentence each.
+    suffix:   of files in that format.
+    """
 
     skeleton: Skeleton
     poses: Motion
     written: Callable[[Motion], tuple[bytes, list[str]]]
     notes: list[str] = field(default_factory=list)
+    suffix: str = ".bvh"
 
 
 def read_target(config: Config) -> Target:
@@ -60,20 +64,16 @@ def target_of_bvh(bvh: BvhFile) -> Target:
 
 def _robot(robot: RobotRig, config: Config) -> Target:
     """A robot at zero angles, which is how it stands."""
-    kind = config.output.suffix.lower()
-    if kind not in (".csv", ".bvh"):
+    if config.respect_limits and config.output.suffix.lower() != ".csv":
         raise UsageError(
-            f"{config.output.name} is no .csv of the robot's angles and no .bvh.", "Give the output one of these."
+            f"--respect-limits is for a robot's joint angles, and {config.output.name} does not hold them.",
+            "Name a .csv file.",
         )
-    if kind == ".bvh" and config.respect_limits:
-        raise UsageError("--respect-limits is for a robot's angles, and a BVH is to be written.", "Name a .csv.")
     rows = np.array([[*_STANDING, *robot.hinges.within(np.zeros((1, len(robot.angle_names))))[0]]])
     standing = recording_of(robot.source, robot.figure(), poses_of(rows, robot, 30.0), Asked())
 
     def written(made: Motion) -> tuple[bytes, list[str]]:
-        if kind == ".bvh":
-            return bvh_of_motion(standing.skeleton, made, config.output.name), []
         rows = rows_of_motion(robot, standing.skeleton, made, config.output.name, limited=config.respect_limits)
         return csv_of_rows(rows.values), notes_of_rows(robot, rows, limited=config.respect_limits)
 
-    return Target(standing.skeleton, standing.motion, written, sentences_of(standing.notes))
+    return Target(standing.skeleton, standing.motion, written, sentences_of(standing.notes), ".csv")

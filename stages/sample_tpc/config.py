@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from stages.shared.contract import ShardedConfig
+from stages.shared.contract import SeededConfig, ShardedConfig, WritingConfig
 
 
-class Config(ShardedConfig):
+class Config(WritingConfig, ShardedConfig, SeededConfig):
     """Turn a `motion` artefact into a `tpc` artefact (bones' transforms, or positions when baked)."""
 
     motion: Path = Field(description="The motion artefact.")

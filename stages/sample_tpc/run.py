@@ -17,6 +17,7 @@ from stages.shared.contract import StageReport
 from stages.shared.humanoid.other_rigs import Rigs, on_another_rig, rigs_of
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample
+from stages.shared.outputs import check_artefact
 from stages.shared.pointcloud.bones import bone_set
 from stages.shared.progress import SILENT, Progress
 
@@ -36,6 +37,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError where the motion artefact is missing, damaged or empty; UsageError for an expression that no
         clip satisfies, or a part that cannot be.
     """
+    check_artefact(config, "tpc")
     artefact = open_artefact(config.motion, "motion")
     frames = clips = carried = 0
     with (

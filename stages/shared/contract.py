@@ -18,7 +18,18 @@ class StageConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    seed: int = Field(0, description="Seed of every random draw of this stage.")
+
+class SeededConfig(StageConfig):
+    """A stage that draws random numbers."""
+
+    seed: int = Field(0, description="Seed of all random draws; the same seed gives the same result.")
+
+
+class WritingConfig(StageConfig):
+    """A stage that writes files or artefacts; `stages.shared.outputs` applies the rule for those that exist."""
+
+    # Not part of the settings that are stored: it does not change the result.
+    overwrite: bool = Field(False, exclude=True, description="Replace an output that exists.")
 
 
 class DeviceConfig(StageConfig):

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig):
     """Copy test clips out of the sources, byte for byte."""
 
     motion: Path = Field(description="The motion artefact that says which clips there are, and where they came from.")

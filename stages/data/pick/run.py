@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
@@ -15,6 +16,7 @@ from stages.shared.contract import StageReport
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.formats.readers import recognise
 from stages.shared.formats.sources import source_named
+from stages.shared.outputs import check_folder
 from stages.shared.progress import SILENT, Progress
 
 LIST_NAME = "clips.txt"
@@ -24,11 +26,15 @@ _SHORTEST_S = 2.0  # below it there is hardly a gap to fill
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Write OUTPUT/<clip>.bvh for each clip picked, then OUTPUT/clips.txt, which lists them; others are removed.
+    """Write OUTPUT/<clip>.bvh for each clip picked, then OUTPUT/clips.txt, which lists them.
+
+    Clips that an earlier list names and this one does not are removed.
 
     Raises:
+        UsageError: the folder holds files that may not be replaced.
         InputError: the artefact has no clip of these splits, or its sources are gone.
     """
+    check_folder(config)
     artefact = open_artefact(config.motion, "motion")
     with MotionReader(artefact) as reader:
         picked = pick(reader.clips, config)
@@ -42,11 +48,20 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         for row in picked:
             write_whole(config.output / f"{row.clip}.bvh", _as_bvh(row, reader))
             progress.advance(1, row.clip)
-    for stale in set(config.output.glob("*.bvh")) - {config.output / f"{row.clip}.bvh" for row in picked}:
-        stale.unlink()
     names = [row.clip for row in picked]
+    for stale in _listed(config.output) - {f"{name}.bvh" for name in names}:
+        (config.output / stale).unlink(missing_ok=True)
     write_whole(config.output / LIST_NAME, "".join(f"{name}.bvh\n" for name in names).encode())
     return StageReport(output=config.output, lines=[f"picked {', '.join(names)}"], figures={"clips": names})
+
+
+def _listed(folder: Path) -> set[str]:
+    """The BVH files of `folder` that its list names."""
+    try:
+        lines = (folder / LIST_NAME).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return set()
+    return {name for name in lines if name.endswith(".bvh") and Path(name).name == name}
 
 
 def _as_bvh(row: ClipRow, reader: MotionReader) -> bytes:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import SeededConfig, WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig, SeededConfig):
     """Put clips of a motion artefact on the rigs of another: bones turn as answering bones turn."""
 
     motion: Path = Field(description="The motion artefact whose clips are put on other rigs.")

@@ -13,6 +13,7 @@ from data_schemas.quality import MotionQuality
 from stages.data.rerig.config import Config
 from stages.shared.contract import StageReport
 from stages.shared.humanoid.other_rigs import on_another_rig, rigs_of
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
 
@@ -22,6 +23,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Sources and splits stay, so that what is measured is told by the recordings it came from.
     Raises: InputError where there is no such clip, or none could be put on a rig; UsageError for a bad expression.
     """
+    check_artefact(config, "motion")
     artefacts = [open_artefact(path, "motion") for path in (config.motion, config.rigs)]
     with (
         MotionReader(artefacts[0]) as reader,

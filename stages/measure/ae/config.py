@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure autoencoders on held-out clouds, and compare their order with PUMPS Table 2."""
 
     tpc: Path = Field(description="The tpc artefact whose held-out clips are reconstructed.")

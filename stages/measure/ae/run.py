@@ -22,6 +22,7 @@ from stages.shared.contract import StageReport
 from stages.shared.inference.measured_clouds import MovingBones, draw_cloud, measured_windows, redraw_cloud
 from stages.shared.inference.models import Autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.outputs import check_artefact
 from stages.shared.pointcloud.assignment import paired_difference
 from stages.shared.pointcloud.reconstruction import chamfer_distance, distances, jerk, spread_ratios
 from stages.shared.progress import SILENT, Progress
@@ -39,6 +40,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         InputError: a checkpoint holds no autoencoder, or the tpc artefact no held-out rigid clip that is long enough.
         UsageError: two methods share a name.
     """
+    check_artefact(config, "metrics")
     methods = load_methods(config)
     frames = config.window or min(method.autoencoder.window for method in methods)
     points = config.points or min(method.autoencoder.points for method in methods)

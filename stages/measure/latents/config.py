@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure how much latents move when what should not matter changes, and how well they are decoded then."""
 
     motion: Path = Field(description="The motion artefact whose held-out clips are encoded.")

@@ -25,6 +25,7 @@ from stages.shared.inference.measured_clouds import redraw_cloud
 from stages.shared.inference.models import Autoencoder, load_autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample, resampled_frames
+from stages.shared.outputs import check_artefact
 from stages.shared.pointcloud.assignment import paired_difference
 from stages.shared.pointcloud.reconstruction import distances
 from stages.shared.progress import SILENT, Progress
@@ -53,6 +54,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError for bad artefacts, or where no clip of the wanted splits is long enough.
     """
+    check_artefact(config, "metrics")
     autoencoder, source = _load(config)
     with MotionReader(config.motion) as reader:
         scenes = _scenes(reader, config, config.points or autoencoder.points)

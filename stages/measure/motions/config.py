@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import SeededConfig, WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig, SeededConfig):
     """Measure motions beside the true ones, clip by clip: what came of decoding, solving or retargeting."""
 
     truth: Path = Field(description="The motion artefact of the true motions.")

@@ -18,6 +18,7 @@ from stages.measure.motions.config import Config
 from stages.shared.contract import StageReport
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.archives import archive_of
@@ -35,6 +36,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: UsageError where a NAME=MOTION is none; InputError for bad artefacts, other joints, or no shared clip.
     """
+    check_artefact(config, "metrics")
     with ExitStack() as opened:
         truth = opened.enter_context(MotionReader(config.truth))
         made = {name: opened.enter_context(MotionReader(path)) for name, path in _named(config.made).items()}

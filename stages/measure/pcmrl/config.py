@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure as PC-MRL's tables do: filling a skeleton's own motions (Tables 1 and 3, with --truth), and motions
     adapted to another skeleton (Table 2, with --source)."""
 

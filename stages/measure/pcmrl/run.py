@@ -15,6 +15,7 @@ from stages.measure.pcmrl.retargeting import ORIGINAL, retargeting_rows
 from stages.measure.pcmrl.summary import summary_md
 from stages.shared.contract import StageReport
 from stages.shared.inference.pose_filling import load_interpolator
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.tables import cells, terminal_lines
 
@@ -26,6 +27,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         InputError: an artefact is bad, or has no clip that is long enough; a checkpoint is for another hierarchy.
         UsageError: a NAME=VALUE is none, or two rows share a name.
     """
+    check_artefact(config, "metrics")
     interpolators = {
         name: load_interpolator(path, config.device)
         for name, path in named("weights", config.weights, [*PLAIN]).items()

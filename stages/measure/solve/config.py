@@ -6,12 +6,12 @@ from pathlib import Path
 
 from pydantic import Field, field_validator
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 CONDITIONS = ("true", "groups", "scales", "noise", "points", "rigs", "keys")
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure how well skeletons follow clouds, true ones and worse ones, beside slerp between the keys."""
 
     motion: Path = Field(description="The motion artefact whose held-out clips are followed.")

@@ -27,6 +27,7 @@ from stages.shared.contract import StageReport
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample, resampled_frames
+from stages.shared.outputs import check_artefact, check_folder
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.windows import LEAST_FRAMES
@@ -39,6 +40,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         InputError: the motion artefact is bad or has no clip of these splits that is long enough.
         UsageError: a network has no name of its own.
     """
+    check_artefact(config, "metrics")
+    if config.made is not None:
+        check_folder(config, "made")
     artefact = open_artefact(config.motion, "motion")
     methods, conditions = methods_of(config), conditions_of(config)
     sources = dict.fromkeys(method.source for method in methods if method.source)

@@ -133,6 +133,9 @@ def _expand(text: str, suffixes: tuple[str, ...]) -> list[Source]:
         return [source for p in inside for source in _one(p, p.relative_to(path).as_posix(), suffixes)]
     if path.exists():
         return _one(path, path.name, suffixes, named=True)
+    archive, mark, _ = text.partition("!")
+    if mark and archive_suffix(archive) and Path(archive).is_file():
+        return [source_named(text)]
     if glob.has_magic(text):
         matches = [Path(match) for match in sorted(glob.glob(text, recursive=True))]
         if not matches:
@@ -141,7 +144,7 @@ def _expand(text: str, suffixes: tuple[str, ...]) -> list[Source]:
             )
         files = [match for match in matches if match.is_file()]
         return [source for match in files for source in _one(match, match.name, suffixes)]
-    if "!" in text:
+    if mark:
         return [source_named(text)]
     raise InputError(f"{text} does not exist.", "Check the path.")
 

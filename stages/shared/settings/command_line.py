@@ -9,14 +9,14 @@ from stages.shared.contract import StageConfig
 
 
 def command_line(command: str, config: StageConfig) -> str:
-    """`command` with flags for all that differs from the defaults."""
+    """`command` with flags for all that differs from the defaults and changes the result."""
     return " ".join([command, *_flags(config)])
 
 
 def _flags(config: StageConfig) -> Iterator[str]:
     for name, field in type(config).model_fields.items():
         value = getattr(config, name)
-        if value == field.default:
+        if field.exclude or value == field.default:
             continue
         flag = f"--{name.replace('_', '-')}"
         if isinstance(value, bool):

@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
-from stages.registry import NAMES, OLD_NAMES, PIPELINE
+from stages.registry import NAMES, OLD_NAMES, PIPELINE, stage_named
 from stages.shared.settings.layers import Layer, settle_file_part
 from stages.shared.toml import read_toml
+
+# Settings that every stage had in 0.1.0. A file may still hold them for a stage that they do not apply to.
+_FORMER = ("seed",)
 
 
 def preset_names() -> list[str]:
@@ -44,10 +47,11 @@ def file_layer(path: Path, stage: str) -> Layer:
     """
     values = _tables(path)
     if stage in values:
-        return Layer(str(path), values[stage])
-    if values and all(key in NAMES for key in values if key != "extends"):
-        return Layer(str(path), {})
-    return Layer(str(path), values)
+        values = values[stage]
+    elif values and all(key in NAMES for key in values if key != "extends"):
+        values = {}
+    known = stage_named(stage).config_type().model_fields
+    return Layer(str(path), {key: value for key, value in values.items() if key in known or key not in _FORMER})
 
 
 def check_preset(name: str) -> None:

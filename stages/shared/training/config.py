@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 
-class TrainingConfig(DeviceConfig):
+class TrainingConfig(WritingConfig, DeviceConfig, SeededConfig):
     """The one training loop's settings."""
 
     output: Path = Field(description="Folder of the checkpoint artefact.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from data_schemas.tpc import TpcReader
 from stages.shared.contract import StageReport
 from stages.shared.networks.layers.device import choose_device
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
 from stages.shared.training.stage import data_of, finish, window_pools
@@ -17,6 +18,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError for a bad tpc artefact, PumpsError where the loss stops being a number.
     """
+    check_artefact(config, "checkpoint")
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
         device = choose_device(config.device)

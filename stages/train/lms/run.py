@@ -8,6 +8,7 @@ from data_schemas.tpc import TpcReader
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import load_autoencoder
 from stages.shared.networks.layers.device import choose_device
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
 from stages.shared.training.stage import data_of, finish, window_pools
@@ -21,6 +22,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError for a bad artefact or latents of another encoder, PumpsError where the loss stops being a
         number.
     """
+    check_artefact(config, "checkpoint")
     autoencoder = load_autoencoder(config.ae, config.device)
     inputs = [open_artefact(config.ae, "checkpoint")]
     if config.latent is not None:

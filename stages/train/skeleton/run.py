@@ -9,6 +9,7 @@ from data_schemas.tpc import TpcReader
 from stages.shared.contract import StageReport
 from stages.shared.formats.rig_file import rig_of_file
 from stages.shared.networks.layers.device import choose_device
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
 from stages.shared.training.stage import data_of, finish
@@ -22,6 +23,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError for a bad rig or tpc artefact, PumpsError where the loss stops being a number.
     """
+    check_artefact(config, "checkpoint")
     if config.size_min > config.size_max:
         raise UsageError(f"size_min {config.size_min} is above size_max {config.size_max}.", "Exchange them.")
     if not config.tpc:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig):
     """Average the weights of several trainings that started from the same weights (Wortsman et al. 2022)."""
 
     checkpoints: tuple[Path, ...] = Field(

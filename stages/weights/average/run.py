@@ -16,6 +16,7 @@ from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoin
 from data_schemas.errors import InputError
 from data_schemas.trainings import Training, last_data, last_sentence
 from stages.shared.contract import StageReport
+from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.weights.average.config import Config
 
@@ -30,6 +31,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError where they are not of one network and encoder, were trained on other data, or lie too far apart
         to be averaged.
     """
+    check_artefact(config, "checkpoint")
     progress.start("averaging", len(config.checkpoints))
     artefacts, kept = [], []
     for path in config.checkpoints:

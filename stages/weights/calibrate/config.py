@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 
 
-class Config(DeviceConfig):
+class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Learn how far weights may be trusted, on motions they were not trained on, and keep that beside them."""
 
     weights: str = Field(description="A run's folder, or packed weights; the confidence is written there.")

@@ -27,6 +27,7 @@ from stages.shared.inference.models import Models, load_weights
 from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample
+from stages.shared.outputs import check_written
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solving import Corrections
@@ -45,6 +46,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError for weights or motions that are none, or no clip long enough in the splits.
     """
+    check_written(config, weights_folder(config.weights) / CONFIDENCE_NAME, "weights")
     models = load_weights(config.weights, config.device, confidence=False)
     archives: dict[str, Sums] = {}
     shrunk: dict[str, Sums] = {}

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig):
     """Make a run's networks small enough to hand on."""
 
     run: Path = Field(description="The run's folder, with train-ae and train-lms, or packed weights.")

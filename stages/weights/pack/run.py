@@ -17,6 +17,7 @@ from data_schemas.manifest import Artefact
 from data_schemas.metrics import read_metrics
 from data_schemas.whole_file import write_whole
 from stages.shared.contract import StageReport
+from stages.shared.outputs import check_folder
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.feel_tables import LEGEND, feel_markdown
 from stages.shared.statistics.figures import TRUTH
@@ -37,6 +38,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError where the run has no finished networks, they do not belong together, or other
         weights were measured.
     """
+    check_folder(config)
     progress.start("packing", 2)
     ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.run)))
     autoencoder, synthesiser = _read(ae), _read(lms)
