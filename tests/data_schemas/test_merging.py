@@ -103,4 +103,4 @@ def test_where_chooses_clips(recordings: Path, tmp_path: Path):
     )
     assert report.figures["clips"] == 5
     with pytest.raises(UsageError, match="No clip"):
-        sample_tpc(SampleTpc(motion=motion, output=tmp_path / "tpc", where="fps > 1000"))
+        sample_tpc(SampleTpc(motion=motion, output=tmp_path / "tpc", where="fps > 1000", overwrite=True))

@@ -114,7 +114,7 @@ def test_the_same_config_gives_the_same_bytes(motions: Path, tmp_path: Path) -> 
     digests = set()
     for _ in range(2):
         config = Config(motion=motions, output=tmp_path / "metrics", tasks=("interpolation",), intervals=(15,))
-        run(config)
+        run(config.model_copy(update={"overwrite": True}))
         digests.add(open_artefact(config.output).manifest.digest)
     assert len(digests) == 1
 
@@ -161,7 +161,7 @@ def test_archives_that_weights_were_trained_on_are_left_out(motions: Path, tmp_p
 
     def clips(*names: str) -> set[str]:
         weights = tuple(f"{name}={tmp_path / name}" for name in names)
-        run(Config(motion=motions, output=tmp_path / "m", weights=weights, **only))
+        run(Config(motion=motions, output=tmp_path / "m", weights=weights, overwrite=True, **only))
         return {row.clip for row in read_metrics(tmp_path / "m")[0]}
 
     assert clips("zip") == {"fast", "other"}

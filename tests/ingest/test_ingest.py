@@ -90,7 +90,7 @@ def test_strict_stops_at_the_first_bad_file_and_leaves_what_was_there(archive: P
     run(Config(sources=(str(good),), output=tmp_path / "motion"))
     before = open_artefact(tmp_path / "motion").manifest.digest
     with pytest.raises(InputError, match=r"cut\.bvh, line"):
-        run(Config(sources=(str(archive),), output=tmp_path / "motion", strict=True))
+        run(Config(sources=(str(archive),), output=tmp_path / "motion", strict=True, overwrite=True))
     assert open_artefact(tmp_path / "motion").manifest.digest == before
 
 
@@ -122,14 +122,14 @@ def test_splits_from_a_file_beside_the_archive_and_from_one_given(archive: Path,
     assert any("gone.bvh" in line for line in report.lines)
     given = tmp_path / "mine.json"
     given.write_text(json.dumps({"cmu-dance.zip": {"val": ["cmu-dance/indian/01.bvh"], "licence": "mine"}}))
-    run(Config(sources=(str(archive),), output=tmp_path / "motion", splits=given))
+    run(Config(sources=(str(archive),), output=tmp_path / "motion", splits=given, overwrite=True))
     assert _splits_of(tmp_path / "motion")["indian.01"] == "val"
     assert _splits_of(tmp_path / "motion")["salsa.01"] == "train"
     assert open_artefact(tmp_path / "motion").manifest.licences == ["mine"]
     for bad in ("[]", "{", '{"a": {"test": "x"}}', '{"a": []}'):
         given.write_text(bad)
         with pytest.raises(InputError, match=r"mine\.json"):
-            run(Config(sources=(str(archive),), output=tmp_path / "motion", splits=given))
+            run(Config(sources=(str(archive),), output=tmp_path / "motion", splits=given, overwrite=True))
 
 
 def test_without_a_file_splits_follow_from_names_alone(tmp_path: Path) -> None:

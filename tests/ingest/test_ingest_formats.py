@@ -146,7 +146,7 @@ def test_a_list_on_standard_input(folder: Path, tmp_path: Path, monkeypatch: pyt
     for text in (f"{folder}/bvh\n{folder}/cmu/07/07_01.amc\n", f"{folder}/bvh\0{folder}/cmu/07/07_01.amc\0"):
         monkeypatch.setattr("sys.stdin", io.StringIO(text))
         with pytest.raises(SystemExit) as leaving:
-            main(["ingest", "auto", "-", "-o", str(tmp_path / "out")])
+            main(["ingest", "auto", "-", "-o", str(tmp_path / "out"), "--overwrite"])
         assert not leaving.value.code
         assert set(_table(tmp_path / "out")) == {"bvh/walk.bvh", "cmu/07/07_01.amc"}
     monkeypatch.setattr("sys.stdin", io.StringIO("\n"))

@@ -89,4 +89,4 @@ def test_the_stage_writes_the_scenes_named_and_their_own_keys(tmp_path: Path) ->
     assert "CC &lt;X&gt;" in page and report.lines[-1].startswith("Picture: ")
     for wrong in ({"pictured": ("three",)}, {"scene_keyframes": ("three=every:5",)}, {"scene_keyframes": ("two",)}):
         with pytest.raises(UsageError, match=r"three|SCENE=FRAMES"):
-            run(config.model_copy(update=wrong))
+            run(config.model_copy(update={**wrong, "overwrite": True}))

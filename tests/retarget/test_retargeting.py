@@ -230,7 +230,7 @@ def test_a_rigs_network_moves_that_rig_and_no_other(tmp_path: Path):
     other = tmp_path / "other.bvh"
     other.write_bytes(rig.read_bytes().replace(b"OFFSET 13.", b"OFFSET 15."))
     with pytest.raises(InputError, match="another rig"):
-        run(Config(input=KICK, to=other, output=tmp_path / "o", method="network", network=tmp_path / "network"))
+        run(Config(input=KICK, to=other, output=tmp_path / "o.bvh", method="network", network=tmp_path / "network"))
     with pytest.raises(ValueError, match="--network"):
         Config(input=KICK, to=rig, output=tmp_path / "o", method="network")
 

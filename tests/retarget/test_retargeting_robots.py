@@ -60,8 +60,8 @@ def test_a_robots_motion_goes_on_a_human_rig(urdf: Path, tmp_path: Path) -> None
 
 
 def test_what_a_robot_cannot_give_is_refused(urdf: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="of the robot's angles"):
-        run(Config(input=WALK, to=urdf, output=tmp_path / "a.glb", device="cpu"))
+    with pytest.raises(UsageError, match=r"suffix \.fbx.*Name a file of \.bvh, \.glb"):
+        run(Config(input=WALK, to=urdf, output=tmp_path / "a.fbx", device="cpu"))
     with pytest.raises(UsageError, match="--respect-limits"):
         run(Config(input=WALK, to=WALK, output=tmp_path / "a.bvh", respect_limits=True, device="cpu"))
     with pytest.raises(UsageError, match="--respect-limits"):

@@ -47,6 +47,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             f"The synthesiser in {config.run} was trained on another autoencoder than the one beside it.",
             "Train it again with `pumps train lms`.",
         )
+    measured, table = _measured(config, ae, lms) if config.measured else ([], "")
     packed = _pack(config, "ae", autoencoder, ae)
     progress.advance()
     synthesiser.config["encoder_digest"] = packed.manifest.digest
@@ -57,7 +58,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     if confidence.is_file():
         write_whole(config.output / CONFIDENCE_NAME, confidence.read_bytes())
     licences = sorted({*ae.manifest.licences, *lms.manifest.licences})
-    measured, table = _measured(config, ae, lms) if config.measured else ([], "")
     card = _card(name, autoencoder, synthesiser, licences, measured, table)
     write_whole(config.output / MEASURED_NAME, (json.dumps(measured, indent=1) + "\n").encode("utf-8"))
     write_whole(config.output / CARD_NAME, card.encode("utf-8"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from data_schemas.clips import ClipRow
-from data_schemas.errors import InputError
+from data_schemas.errors import InputError, UsageError
 from stages.data.pick.config import Config
 from stages.data.pick.run import pick, run
 from stages.ingest.config import Config as IngestConfig
@@ -58,8 +58,14 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_files_come_out_as_they_were_and_stale_ones_go(motion: Path, tmp_path: Path):
-    (tmp_path / "old.bvh").write_text("stale")
-    report = run(Config(motion=motion, output=tmp_path))
+    for name in ("old", "mine"):
+        (tmp_path / f"{name}.bvh").write_text("stale")
+    (tmp_path / "clips.txt").write_text("old.bvh\n../mine.bvh\n")
+    with pytest.raises(UsageError, match="exists"):
+        run(Config(motion=motion, output=tmp_path))
+    report = run(Config(motion=motion, output=tmp_path, overwrite=True))
+    assert not (tmp_path / "old.bvh").exists(), "an earlier pick"
+    (tmp_path / "mine.bvh").unlink()  # no earlier pick, so it stayed
     assert (tmp_path / "clips.txt").read_text().splitlines() == [f"{name}.bvh" for name in report.figures["clips"]]
     found = {path.read_bytes() for path in tmp_path.glob("*.bvh")}
     assert found == {(CLIPS / f"{name}.bvh").read_bytes() for name in ("jump", "kick")}

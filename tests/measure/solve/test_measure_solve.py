@@ -68,7 +68,7 @@ def test_the_same_config_gives_the_same_bytes(motions: Path, tmp_path: Path):
     digests = set()
     for _ in range(2):
         config = Config(motion=motions, output=tmp_path / "x", conditions=("scales",), condition_seconds=1.6)
-        run(config.model_copy(update={"points": 64}))
+        run(config.model_copy(update={"points": 64, "overwrite": True}))
         digests.add(open_artefact(config.output).manifest.digest)
 
     assert len(digests) == 1
