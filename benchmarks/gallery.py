@@ -143,8 +143,8 @@ def gallery(
     report = report_run.run(
         report_config.Config(
             title=f"Twelve clips on six rigs, filled by {Path(weights).name}", motions=tuple(motions),
-            scene_keyframes=tuple(keys), licences=_licences(clips), output=folder / "gallery.html", picture=picture, overwrite=True,
-            pictured=tuple(n for n, c in zip(names, clips, strict=True) if c in _pictured(clips)),
+            scene_keyframes=tuple(keys), licences=_licences(clips), output=folder / "gallery.html", picture=picture,
+            pictured=tuple(n for n, c in zip(names, clips, strict=True) if c in _pictured(clips)), overwrite=True,
         )
     )  # fmt: skip
     return [*lines, *report.lines]

@@ -1,6 +1,6 @@
-"""Flags made from a stage's Config: one for each field, its description as help, its default shown.
+"""Flags made from a stage's Config: one for each field, with its description as help and its default.
 
-Values stay text here: the Config itself says what is right, so that flags, files and presets are judged alike.
+The values remain text here: the Config validates them, so that flags, files and presets have the same rules.
 """
 
 from __future__ import annotations
@@ -17,25 +17,42 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from data_schemas.errors import UsageError
+from pumps_cli.completion import completion_of
+from pumps_cli.help_page import ShownAs
+from stages.shared.contract import OFTEN_SET
 
 _LONGEST_LIST = 256 << 20
 _METAVARS = {int: "INT", float: "NUMBER", Path: "PATH", str: "TEXT"}
 _JOINT = "__"  # between a table and its field in a Python name
+_LAST = ("points", "seed", "device", "shard", "overwrite")  # options that many stages have come last
+_LONGEST_CHOICES = 26  # characters; longer ones are listed in the help text instead
 _SHORT: dict[str, tuple[str, ...]] = {"output": ("-o",)}
 
 
 def parameters_of(
     config_type: type[BaseModel], arguments: tuple[str, ...], without: tuple[str, ...] = ()
 ) -> list[Parameter]:
-    """A command's parameters: `arguments` by place, every other field as a flag, nested ones as --table.field.
+    """A command's parameters: `arguments` by position, all other fields as flags, nested ones as --table.field.
 
     Fields named in `without` get no flag.
     """
     ordered = [(name, config_type.model_fields[name]) for name in arguments]
     placed = [_argument(name, field) for name, field in ordered]
     flagged = [(path, field) for path, field in _fields(config_type) if ".".join(path) not in (*arguments, *without)]
-    flagged.sort(key=lambda item: not item[1].is_required())  # what must be given comes first
+    flagged.sort(key=lambda item: _rank(*item))
     return placed + [_flag(path, field) for path, field in flagged]
+
+
+def shown_as(config_type: type[BaseModel]) -> ShownAs:
+    """How help shows the parameters. Where fields are marked as often set, all others but `_LAST` are rare."""
+    fields = {_JOINT.join(path): field for path, field in _fields(config_type)}
+    needed = frozenset(name for name, field in fields.items() if field.is_required())
+    often = frozenset(name for name, field in fields.items() if _extra(field).get(OFTEN_SET))
+    return ShownAs(
+        needed=needed,
+        rare=frozenset(fields.keys() - often - needed - {*_LAST}) if often else frozenset(),
+        on=frozenset(name for name, field in fields.items() if field.default is True),
+    )
 
 
 def values_given(parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -53,9 +70,9 @@ def values_given(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def listed_on_standard_input(values: dict[str, Any], arguments: tuple[str, ...]) -> dict[str, Any]:
-    """The same values, where "-" among an argument's several ones is the names on standard input.
+    """The same values, with "-" among an argument's values replaced by the names on standard input.
 
-    One name a line, or ended by zero bytes (`find -print0`). Raises UsageError where there are none.
+    Names are separated by newlines or zero bytes (`find -print0`). Raises UsageError if there are none.
     """
     read = dict(values)
     for name in arguments:
@@ -66,7 +83,7 @@ def listed_on_standard_input(values: dict[str, Any], arguments: tuple[str, ...])
             listed = [line for line in listed if line.strip()]
             if not listed or len(text) > _LONGEST_LIST:
                 wrong = "is longer than a list of files can be" if listed else "names no files"
-                raise UsageError(f"{name.upper()} is -, and standard input {wrong}.", "Give one name a line.")
+                raise UsageError(f"{name.upper()} is -, and standard input {wrong}.", "Give one name per line.")
             at = given.index("-")
             read[name] = tuple(each for each in (*given[:at], *listed, *given[at + 1 :]) if each != "-")
     return read
@@ -80,10 +97,24 @@ def _fields(config_type: type[BaseModel], path: tuple[str, ...] = ()) -> Iterato
             yield (*path, name), field
 
 
+def _rank(path: tuple[str, ...], field: FieldInfo) -> int:
+    """The place of a flag: what must be given, what the stage itself has, then what many stages have."""
+    name = ".".join(path)
+    if field.is_required():
+        return 1 if name == "output" else 0
+    return 3 + _LAST.index(name) if name in _LAST else 2
+
+
+def _extra(field: FieldInfo) -> dict[str, Any]:
+    return field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+
+
 def _argument(name: str, field: FieldInfo) -> Parameter:
     several, _ = _shape(field.annotation)
     kind = list[str] if several else str
-    detail = typer.Argument(help=_escaped(field.description), metavar=name.upper(), show_default=False)
+    detail = typer.Argument(
+        help=field.description, metavar=name.upper(), show_default=False, autocompletion=completion_of(field)
+    )
     return Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[kind | None, detail])
 
 
@@ -92,15 +123,15 @@ def _flag(path: tuple[str, ...], field: FieldInfo) -> Parameter:
     *tables, name = path
     flag = "--" + ".".join(path).replace("_", "-")
     panel = f"Settings of the {tables[0]}" if tables else None
-    help_text = _escaped(_help_text(field, several))
+    help_text = _help_text(field, several)
     if inner is bool:
         off = "--" + ".".join((*tables, f"no-{name}")).replace("_", "-")
-        detail = typer.Option(f"{flag}/{off}", help=help_text, metavar="", show_default=False, rich_help_panel=panel)
+        detail = typer.Option(f"{flag}/{off}", help=help_text, show_default=False, rich_help_panel=panel)
         annotation: Any = Annotated[bool | None, detail]
     else:
         detail = typer.Option(
             flag, *_SHORT.get(".".join(path), ()), help=help_text, metavar=_metavar(inner), show_default=False,
-            rich_help_panel=panel,
+            rich_help_panel=panel, autocompletion=completion_of(field),
         )  # fmt: skip
         annotation = Annotated[list[str] | None, detail] if several else Annotated[str | None, detail]
     return Parameter(_JOINT.join(path), Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
@@ -117,25 +148,24 @@ def _shape(annotation: Any) -> tuple[bool, Any]:
 
 def _metavar(inner: Any) -> str:
     if get_origin(inner) is Literal:
-        return "|".join(str(choice) for choice in get_args(inner))
+        choices = "|".join(str(choice) for choice in get_args(inner))
+        return choices if len(choices) <= _LONGEST_CHOICES else "NAME"
     return _METAVARS.get(inner, "TEXT")
 
 
 def _help_text(field: FieldInfo, several: bool) -> str:
-    """The description, and in brackets whether it may be repeated and what holds without it."""
+    """The description, and in brackets whether it may be repeated, long choices, and the default."""
     remarks = ["repeatable"] if several else []
+    _, inner = _shape(field.annotation)
+    if get_origin(inner) is Literal and _metavar(inner) == "NAME":
+        remarks.append(f"one of {', '.join(str(choice) for choice in get_args(inner))}")
     if field.is_required():
         remarks.append("required")
     else:
         default = field.get_default(call_default_factory=True)
         if isinstance(default, bool):
-            remarks.append(f"default: {'yes' if default else 'no'}")
+            remarks += ["default: yes"] if default else []
         elif default is not None and default != ():
             shown = " ".join(str(item) for item in default) if isinstance(default, tuple) else default
             remarks.append(f"default: {shown}")
     return f"{field.description or ''} ({'; '.join(remarks)})" if remarks else field.description or ""
-
-
-def _escaped(text: str | None) -> str:
-    """Rich reads [words] as markup; these are not."""
-    return (text or "").replace("[", "\\[")

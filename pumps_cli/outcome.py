@@ -1,4 +1,4 @@
-"""How a command ends: what it prints, what it returns to the shell, and that no traceback escapes."""
+"""How a command ends: its output, its exit code, and one sentence instead of a traceback."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stages.shared.contract import StageReport
 
 COULD_NOT = 1
-# What a line is about -> how a terminal shows it: left green and blue, right red and yellow, as sailors have it.
+# What a line is about -> its style on a terminal: left limbs green and cyan, right limbs red and yellow.
 TINTS = {
     "spine": "bold", "left_arm": "green", "right_arm": "red", "left_leg": "cyan", "right_leg": "yellow",
     "faint": "dim", "problem": "bold magenta",
@@ -29,7 +29,7 @@ INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class Manner:
-    """How the user wants to be told: not at all, as JSON, with tracebacks."""
+    """How to print: nothing but errors, JSON, tracebacks."""
 
     quiet: bool = False
     json: bool = False
@@ -37,12 +37,12 @@ class Manner:
 
 
 @contextmanager
-def told(manner: Manner, command: str) -> Iterator[None]:
+def errors_reported(manner: Manner, command: str) -> Iterator[None]:
     """Turn every error inside into one sentence on stderr and an exit code (1, 2, 3; 130 when interrupted)."""
     try:
         with warnings.catch_warnings():
             if not manner.debug:
-                warnings.simplefilter("ignore")  # libraries' remarks to programmers
+                warnings.simplefilter("ignore")  # libraries' warnings for programmers
             yield
     except PumpsError as error:
         _fail(manner, error.message, error.hint, error.exit_code)
@@ -66,7 +66,7 @@ def _fail(manner: Manner, message: str, hint: str | None, code: int) -> None:
     if manner.json:
         print(json.dumps({"error": message, "hint": hint, "exit_code": code}))
     else:
-        between = "\n" if "\n" in message else " "  # a list of faults stands on lines of its own
+        between = "\n" if "\n" in message else " "  # after a list of faults, a line of its own
         print(f"pumps: {message}" + (f"{between}{hint}" if hint else ""), file=sys.stderr)
     raise typer.Exit(code)
 
@@ -83,13 +83,13 @@ def _print_tinted(report: StageReport) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    console = Console(highlight=False, soft_wrap=True)  # which heeds NO_COLOR and dumb terminals
+    console = Console(highlight=False, soft_wrap=True)  # follows NO_COLOR and dumb terminals
     for index, line in enumerate(report.lines):
         console.print(Text(line, style=TINTS.get(report.tints.get(index, ""), "")))
 
 
 def show(manner: Manner, lines: Callable[[], list[str]], data: Callable[[], object]) -> None:
-    """Print lines, or JSON, or nothing, as the user wants it."""
+    """Print lines, JSON or nothing, as `manner` says."""
     if manner.json:
         print(json.dumps(data()))
     elif not manner.quiet:

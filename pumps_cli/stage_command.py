@@ -11,32 +11,53 @@ from typing import Annotated, Any
 
 import typer
 
-from pumps_cli.flags import listed_on_standard_input, parameters_of, values_given
-from pumps_cli.outcome import Manner, show_report, told
+from pumps_cli.completion import among, preset_values
+from pumps_cli.flags import listed_on_standard_input, parameters_of, shown_as, values_given
+from pumps_cli.help_page import EVERY_COMMAND, HelpCommand, print_everything
+from pumps_cli.outcome import Manner, errors_reported, show_report
 from pumps_cli.progress import TerminalProgress
 from stages.registry import Stage
 from stages.shared.contract import StageConfig
 from stages.shared.settings.layers import COMMAND_LINE, Layer, settle
-from stages.shared.settings.presets import file_layer, preset_layers
+from stages.shared.settings.presets import file_layer, is_in_presets, preset_layers
 
-_PANEL = "Every command"
+_PANEL = EVERY_COMMAND
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.", rich_help_panel=_PANEL)]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.", rich_help_panel=_PANEL)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object, not text.", rich_help_panel=_PANEL)]
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks and warnings.", rich_help_panel=_PANEL)]
 _Presets = Annotated[
     list[str] | None,
-    typer.Option("--preset", metavar="NAME", help="Settings by name (`pumps config list`).", rich_help_panel=_PANEL),
+    typer.Option(
+        "--preset",
+        metavar="NAME",
+        autocompletion=among(preset_values),
+        rich_help_panel=_PANEL,
+        help="Take settings from a preset (`pumps config list`); of several, the later ones win.",
+    ),
 ]
 _Files = Annotated[
     list[str] | None,
-    typer.Option("--config", metavar="FILE.toml", help="Settings from a file; flags win.", rich_help_panel=_PANEL),
-]
+    typer.Option(
+        "--config", metavar="FILE.toml", rich_help_panel=_PANEL,
+        help="Take settings from a file; options on the command line win.",
+    ),
+]  # fmt: skip
+_HelpAll = Annotated[
+    bool,
+    typer.Option(
+        "--help-all", is_eager=True, callback=print_everything, rich_help_panel=_PANEL,
+        help="Show the options that are rarely changed, too.",
+    ),
+]  # fmt: skip
 
 
-def add_stage(app: typer.Typer, stage: Stage) -> None:
-    """Add the stage's command to an app. Its flags come from its Config."""
-    app.command(stage.command[-1], help=stage.summary, epilog=f"Example: {stage.example}")(_callback(stage))
+def add_stage(app: typer.Typer, stage: Stage, panel: str | None = None) -> None:
+    """Add the stage's command to an app, in the panel of help named. Its flags come from its Config."""
+    shown = type("StageCommand", (HelpCommand,), {"shown_as": shown_as(stage.config_type())})
+    app.command(
+        stage.command[-1], cls=shown, help=stage.summary, epilog=f"Example: {stage.example}", rich_help_panel=panel
+    )(_callback(stage))
 
 
 def settle_config(stage: Stage, presets: list[str], files: list[str], values: dict[str, Any]) -> StageConfig:
@@ -54,7 +75,7 @@ def command_words(stage: Stage) -> str:
 
 
 def execute(stage: Stage, config: StageConfig, manner: Manner) -> None:
-    """Run the stage and print its report. Of several processes that a launcher started the first alone tells."""
+    """Run the stage and print its report. If a launcher started several processes, only the first one prints."""
     if int(os.environ.get("RANK", "0")) > 0:
         manner = replace(manner, quiet=True, json=False)
     run = stage.runner()
@@ -65,20 +86,26 @@ def execute(stage: Stage, config: StageConfig, manner: Manner) -> None:
 
 def _callback(stage: Stage) -> Callable[..., None]:
     def command(**given: Any) -> None:
-        presets, files = given.pop("preset_names") or [], given.pop("config_files") or []
+        presets, files = given.pop("preset_names", None) or [], given.pop("config_files", None) or []
+        given.pop("help_all", None)
         manner = Manner(quiet=given.pop("quiet"), json=given.pop("as_json"), debug=given.pop("debug"))
-        with told(manner, command_words(stage)):
+        with errors_reported(manner, command_words(stage)):
             values = listed_on_standard_input(values_given(given), stage.arguments)
             execute(stage, settle_config(stage, list(presets), list(files), values), manner)
 
-    parameters = [
-        *parameters_of(stage.config_type(), stage.arguments, (*dict(stage.fixed), *stage.without)),
-        Parameter("preset_names", Parameter.KEYWORD_ONLY, default=None, annotation=_Presets),
-        Parameter("config_files", Parameter.KEYWORD_ONLY, default=None, annotation=_Files),
+    config_type = stage.config_type()
+    parameters = parameters_of(config_type, stage.arguments, (*dict(stage.fixed), *stage.without))
+    if is_in_presets(stage.form_of or stage.name):
+        parameters.append(Parameter("preset_names", Parameter.KEYWORD_ONLY, default=None, annotation=_Presets))
+    if config_type.model_fields:
+        parameters.append(Parameter("config_files", Parameter.KEYWORD_ONLY, default=None, annotation=_Files))
+    parameters += [
         Parameter("quiet", Parameter.KEYWORD_ONLY, default=False, annotation=Quiet),
         Parameter("as_json", Parameter.KEYWORD_ONLY, default=False, annotation=AsJson),
         Parameter("debug", Parameter.KEYWORD_ONLY, default=False, annotation=Debug),
     ]
+    if shown_as(config_type).rare:
+        parameters.append(Parameter("help_all", Parameter.KEYWORD_ONLY, default=False, annotation=_HelpAll))
     command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {each.name: each.annotation for each in parameters}
     return command

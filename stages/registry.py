@@ -305,6 +305,14 @@ STAGES: tuple[Stage, ...] = (
     ),
 )  # fmt: skip
 
+# What `pumps --help` shows: panel -> words after `pumps`, in the order of reading.
+PANELS = {
+    "Animate": ("infill", "retarget", "inspect", "export", "report", "formats", "doctor"),
+    "Data": ("data", "ingest", "artefact"),
+    "Train": ("sample-tpc", "encode", "train", "weights", "config"),
+    "Research": ("evaluate", "measure", "decode", "results", "stages"),
+}
+
 GROUP_SUMMARIES = {
     "data": "Public data sets listed and fetched; clips picked, or put on other rigs.",
     "ingest": "Read recordings into a motion artefact.",

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pumps_cli.outcome import Manner, show, told
+from pumps_cli.help_page import HelpCommand, HelpGroup
+from pumps_cli.outcome import Manner, errors_reported, show
 from pumps_cli.stage_command import AsJson, Debug, Quiet
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 BAD_INPUT = 3
 _WIDEST_VALUE = 200
 
-app = typer.Typer(no_args_is_help=True, epilog="Example: pumps artefact show runs/demo/ingest")
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog="Example: pumps artefact show runs/demo/ingest")
 
 ArtefactPath = Annotated[Path, typer.Argument(help="Folder of the artefact.", show_default=False)]
 
@@ -28,24 +29,24 @@ def _group() -> None:
     """Show an artefact, check its digests, draw what it came from."""
 
 
-@app.command("show", epilog="Example: pumps artefact show runs/demo/ingest")
+@app.command("show", cls=HelpCommand, epilog="Example: pumps artefact show runs/demo/ingest")
 def show_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
     """Print what an artefact is: kind, stage, config, inputs, licences, files and summary."""
     from data_schemas.artefact import open_artefact
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps artefact show"):
+    with errors_reported(manner, "pumps artefact show"):
         artefact = open_artefact(path)
         show(manner, lambda: list(_description(artefact)), artefact.manifest.model_dump)
 
 
-@app.command("verify", epilog="Example: pumps artefact verify runs/demo/ingest")
+@app.command("verify", cls=HelpCommand, epilog="Example: pumps artefact verify runs/demo/ingest")
 def verify_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
     """Compare every file with the digest in the manifest; exit code 3 if any has changed."""
     from data_schemas.artefact import open_artefact, verify
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps artefact verify"):
+    with errors_reported(manner, "pumps artefact verify"):
         problems = verify(path)
         files = len(open_artefact(path).manifest.files)
         verdict = problems or [f"{files} files are as they were written."]
@@ -55,18 +56,18 @@ def verify_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = 
             raise typer.Exit(BAD_INPUT)
 
 
-@app.command("lineage", epilog="Example: pumps artefact lineage runs/demo/evaluate")
+@app.command("lineage", cls=HelpCommand, epilog="Example: pumps artefact lineage runs/demo/evaluate")
 def draw_lineage(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
     """Draw what an artefact was made from, and say which inputs have changed since or are gone."""
     from data_schemas.artefact import lineage
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps artefact lineage"):
+    with errors_reported(manner, "pumps artefact lineage"):
         tree = lineage(path)
         show(manner, lambda: list(_drawing(tree)), lambda: _as_data(tree))
 
 
-@app.command("merge", epilog="Example: pumps artefact merge part-1 part-2 part-3 -o whole")
+@app.command("merge", cls=HelpCommand, epilog="Example: pumps artefact merge part-1 part-2 part-3 -o whole")
 def merge(
     paths: Annotated[list[Path], typer.Argument(help="Artefacts of clips, of one kind.", show_default=False)],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the artefact to write.")],
@@ -81,7 +82,7 @@ def merge(
     from stages.shared.outputs import check_replaceable
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps artefact merge"):
+    with errors_reported(manner, "pumps artefact merge"):
         if (output / MANIFEST_NAME).exists():
             check_replaceable(output, overwrite, [("an input", path) for path in paths])
         rows = merge_artefacts(paths, output)

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from pumps_cli.outcome import Manner, show, told
+from pumps_cli.help_page import HelpCommand, HelpGroup
+from pumps_cli.outcome import Manner, errors_reported, show
 from pumps_cli.stage_command import AsJson, Debug, Quiet
 from stages.registry import OLD_NAMES, PIPELINE
 from stages.shared.settings.layers import settle_file_part
@@ -17,12 +18,12 @@ from stages.shared.settings.recipes import recipe_names, recipe_path
 from stages.shared.settings.run_folder import RunRequest, write_run
 from stages.shared.toml import toml_text
 
-app = typer.Typer(no_args_is_help=True, epilog="Example: pumps config show --preset tiny")
+app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog="Example: pumps config show --preset tiny")
 
 _Presets = Annotated[list[str], typer.Option("--preset", metavar="NAME", help="A preset; a later one wins.")]
 
 
-@app.command("list", epilog="Example: pumps config list")
+@app.command("list", cls=HelpCommand, epilog="Example: pumps config list")
 def list_presets(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the presets."""
     show(
@@ -32,7 +33,7 @@ def list_presets(quiet: Quiet = False, as_json: AsJson = False) -> None:
     )
 
 
-@app.command("show", epilog="Example: pumps config show --preset tiny --stage train-ae")
+@app.command("show", cls=HelpCommand, epilog="Example: pumps config show --preset tiny --stage train-ae")
 def show_preset(
     preset: _Presets,
     stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Only this stage's settings.")] = None,
@@ -42,7 +43,7 @@ def show_preset(
 ) -> None:
     """Print every setting that a preset leads to, defaults included."""
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps config show"):
+    with errors_reported(manner, "pumps config show"):
         tables = {
             each.name: settle_file_part(
                 each.config_type(),
@@ -55,14 +56,18 @@ def show_preset(
         show(manner, lambda: [toml_text(tables).strip()], lambda: tables)
 
 
-@app.command("recipes", epilog="Example: pumps config recipes")
+@app.command("recipes", cls=HelpCommand, epilog="Example: pumps config recipes")
 def list_recipes(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the recipes of tables and of pretraining."""
     lines = lambda: [_headline(name, recipe_path(name)) for name in recipe_names()]  # noqa: E731
     show(Manner(quiet=quiet, json=as_json), lines, recipe_names)
 
 
-@app.command("write", epilog="Example: pumps config write --preset tiny --run runs/mine --set train-ae.steps=100")
+@app.command(
+    "write",
+    cls=HelpCommand,
+    epilog="Example: pumps config write --preset tiny --run runs/mine --set train-ae.steps=100",
+)
 def write(
     run: Annotated[Path, typer.Option(metavar="FOLDER", help="The run's folder.")],
     preset: Annotated[
@@ -91,7 +96,7 @@ def write(
     Files whose content does not change are not touched.
     """
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps config write"):
+    with errors_reported(manner, "pumps config write"):
         request = RunRequest(run, preset or (), settings or (), source or (), recipe, parameters or (), data)
         changed = write_run(request)
         show(manner, lambda: [f"wrote {path}" for path in changed], lambda: [str(path) for path in changed])

@@ -9,11 +9,11 @@ import typer
 
 from data_schemas.errors import InputError
 from data_schemas.whole_file import write_whole
-from pumps_cli.outcome import Manner, show, told
+from pumps_cli.outcome import Manner, errors_reported, show
 from pumps_cli.stage_command import AsJson, Quiet
 from stages.shared.formats.readers import FORMATS, Format
 
-app = typer.Typer(epilog="Example: pumps formats")
+EXAMPLE = "Example: pumps formats"
 BEGIN, END = "<!-- made by `pumps formats --page` -->", "<!-- end of what `pumps formats --page` makes -->"
 
 _Page = Annotated[
@@ -21,11 +21,10 @@ _Page = Annotated[
 ]
 
 
-@app.callback(invoke_without_command=True)
-def formats(page: _Page = None, quiet: Quiet = False, as_json: AsJson = False) -> None:
+def command(page: _Page = None, quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the formats that `pumps ingest` reads, what it takes of each, and their traps."""
     manner = Manner(quiet=quiet, json=as_json)
-    with told(manner, "pumps formats"):
+    with errors_reported(manner, "pumps formats"):
         if page is not None:
             text = page.read_text(encoding="utf-8")
             write_whole(page, with_table(text, str(page)).encode())

@@ -7,14 +7,13 @@ from typing import Annotated
 
 import typer
 
-from pumps_cli.outcome import Manner, show, told
+from pumps_cli.outcome import Manner, errors_reported, show
 from pumps_cli.stage_command import AsJson, Debug, Quiet
 
-app = typer.Typer(epilog="Example: pumps results runs/demo/evaluate")
+EXAMPLE = "Example: pumps results runs/demo/evaluate"
 
 
-@app.callback(invoke_without_command=True)
-def results(
+def command(
     metrics: Annotated[Path, typer.Argument(help="Folder of the metrics artefact.")],
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -31,7 +30,7 @@ def results(
     from stages.shared.statistics.tables import cells, terminal_lines
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
-    with told(manner, "pumps results"):
+    with errors_reported(manner, "pumps results"):
         rows, page = read_metrics(open_artefact(metrics, "metrics"))
         filling = all(row.metric in METRICS for row in rows)
         found = cells(rows) if filling else {}

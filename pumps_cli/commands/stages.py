@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import typer
-
 from pumps_cli.outcome import Manner, show
 from pumps_cli.stage_command import AsJson, Quiet
 from stages.registry import STAGES, Stage
 
-app = typer.Typer(epilog="Example: pumps stages")
+EXAMPLE = "Example: pumps stages"
 
 
-@app.callback(invoke_without_command=True)
-def stages(quiet: Quiet = False, as_json: AsJson = False) -> None:
+def command(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the stages in order, with what each reads and writes."""
     show(Manner(quiet=quiet, json=as_json), _table, lambda: [_plain(stage) for stage in STAGES])
 

@@ -18,22 +18,29 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     network was trained for (methods network and both). Neither: the clouds of latents are written.
     """
 
-    latent: Path | None = Field(None, description="A latent artefact to decode.")
-    ae: Path | None = Field(None, description="The autoencoder's checkpoint artefact, for latents.")
-    tpc: Path | None = Field(None, description="A tpc artefact to put onto skeletons, instead of latents.")
-    network: Path | None = Field(None, description="The checkpoint of `pumps train skeleton`.")
+    latent: Path | None = Field(None, description="latent artefact to decode.")
+    ae: Path | None = Field(None, description="Checkpoint artefact of the autoencoder, for --latent.")
+    tpc: Path | None = Field(None, description="tpc artefact to decode instead of latents.")
+    network: Path | None = Field(
+        None,
+        description="Checkpoint of `pumps train skeleton`: all clips are put on the rig that it was trained for.",
+    )
     method: Literal["solve", "network", "both"] | None = Field(
         None,
-        description="solve: from keyframes. network: as the network says. both: the solve from the network's pose. "
-        "Default: network where there is one, else solve.",
+        description="How to compute poses. solve: from keyframes. network: by the network. both: solve, starting "
+        "from the network's pose. Default: network if --network is given, else solve.",
     )
     motion: Path | None = Field(
-        None, description="Motion artefact whose keyframes anchor skeletons; none: clouds only."
+        None,
+        description="motion artefact with the skeletons and keyframes of the clips; without it and without "
+        "--network, clouds are written.",
     )
-    keyframes: str = Field("every:15", description="Which frames of the motion, at 30 fps, are known.")
-    splits: tuple[str, ...] = Field(("test",), description="Which splits to decode.")
-    points: int = Field(256, description="Points of the cloud.")
+    keyframes: str = Field("every:15", description="Frames of --motion, at 30 per second, that are known.")
+    splits: tuple[str, ...] = Field(("test",), description="Splits to decode; repeat the option for several.")
+    points: int = Field(256, description="Points per cloud.")
     sigma_m: float = Field(
-        0.05, description="Spread of a rigid tpc artefact's points around its bones, metres.", ge=0
+        0.05,
+        description="Standard deviation of the points' offsets from the bones, in metres, for a rigid tpc artefact.",
+        ge=0,
     )
     output: Path = Field(description="Folder of the artefact: motion with --motion or --network, else tpc.")

@@ -12,8 +12,8 @@ from stages.shared.contract import DeviceConfig, ShardedConfig, WritingConfig
 class Config(WritingConfig, ShardedConfig, DeviceConfig):
     """Encode every frame of a `tpc` artefact into a `latent` artefact."""
 
-    tpc: Path = Field(description="The tpc artefact.")
-    ae: Path = Field(description="The autoencoder's checkpoint artefact.")
+    tpc: Path = Field(description="tpc artefact to encode.")
+    ae: Path = Field(description="Checkpoint artefact of the autoencoder.")
     output: Path = Field(description="Folder of the latent artefact.")
-    points: int = Field(0, description="How many of a rigid cloud's drawn points to encode; 0 for all.", ge=0)
+    points: int = Field(0, description="Points per cloud to encode, of those drawn; 0 for all.", ge=0)
     half: bool = Field(True, description="Store float16 instead of float32.")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field, field_validator
 
-from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
 from stages.shared.statistics.tasks import TASK_NAMES
 
 PROTOCOLS = ("pumps", "lafan1")
@@ -15,30 +15,37 @@ PROTOCOLS = ("pumps", "lafan1")
 class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure filling on a `motion` artefact beside LERP and SLERP (task definitions in docs/evaluation.md)."""
 
-    motion: Path = Field(description="The motion artefact whose test clips are filled.")
+    motion: Path = Field(description="motion artefact whose clips are filled.")
     output: Path = Field(description="Folder of the metrics artefact.")
     weights: tuple[str, ...] = Field(
-        (), description="NAME=FOLDER or NAME of shipped weights; each is a method of the table."
+        (),
+        json_schema_extra={NAMES_OF: "weights"},
+        description="Weights to measure: a name (`pumps weights list`), or NAME=FOLDER; each is a method in the "
+        "tables.",
     )
     tasks: tuple[str, ...] = Field(TASK_NAMES, description="Tasks to measure.")
-    intervals: tuple[int, ...] = Field((5, 15, 30), description="Frames between keys in interpolation.")
-    transitions: tuple[int, ...] = Field((15, 30, 60), description="Missing frames in transitions.")
-    predictions: tuple[int, ...] = Field((15, 30), description="Last frames to predict.")
-    window: int = Field(121, description="Frames in a window of interpolation and prediction.", ge=4)
-    splits: tuple[str, ...] = Field(("test",), description="Which splits are measured.")
+    intervals: tuple[int, ...] = Field((5, 15, 30), description="Frames between keyframes, for interpolation.")
+    transitions: tuple[int, ...] = Field((15, 30, 60), description="Missing frames, for transitions.")
+    predictions: tuple[int, ...] = Field((15, 30), description="Missing frames at the end, for prediction.")
+    window: int = Field(121, description="Frames per window, for interpolation and prediction.", ge=4)
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure; repeat the option for several.")
     unseen: bool = Field(
-        False, description="All clips of the archives that none of the weights name as training data, and no others."
+        False, description="Measure all clips of archives that none of the weights were trained on, and no others."
     )
-    where: str | None = Field(None, description="Which clips of these: an expression of their index, 'not t_pose'.")
+    where: str | None = Field(
+        None, description="Which of these clips to measure: an expression over the clip index, such as 'not t_pose'."
+    )
     max_windows: int = Field(
-        0, description="Windows for each archive and task, spread evenly over its clips; 0 for all.", ge=0
+        0, description="Windows per archive and task, spread evenly over the clips; 0 for all.", ge=0
     )
     breakdown: bool = Field(
-        False, description="Also the solve on true clouds, and on clouds reconstructed with nothing masked."
+        False, description="Also measure the solver on true clouds, and on clouds reconstructed with nothing missing."
     )
-    foot_lock: bool = Field(True, description="Weights hold feet that stand, as `pumps infill` does.")
-    protocol: str = Field("pumps", description="pumps, or lafan1 (that benchmark's own definitions).")
-    points: int = Field(256, description="Points of the cloud.", ge=8)
+    foot_lock: bool = Field(True, description="Keep planted feet in place, as `pumps infill` does.")
+    protocol: str = Field(
+        "pumps", description="Definitions of the measures: pumps, or lafan1 (those of that benchmark)."
+    )
+    points: int = Field(256, description="Points per cloud.", ge=8)
 
     @field_validator("tasks")
     @classmethod

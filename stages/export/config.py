@@ -14,29 +14,31 @@ class Config(WritingConfig):
     """Give a motion in a form that other programs read."""
 
     input: str = Field(
-        description="A recording of any format that is read, 'archive.zip!member', or a motion artefact."
+        description="Recording of any format that pumps reads (FILE.zip!MEMBER too), or a motion artefact."
     )
-    output: Path = Field(description="The file to write, or a folder for all clips of the input.")
+    output: Path = Field(description="File to write, or a folder for all clips of the input.")
     format: Literal["auto", "bvh", "glb", "amass", "csv", "parquet", "robot-csv"] = Field(
         "auto",
-        description="What to write; auto goes by the output's suffix (.npz is amass; .csv is robot-csv where --rig is"
-        " a URDF).",
+        description="Format to write; auto chooses by the suffix of the output: .npz is amass, and .csv is "
+        "robot-csv if --rig is a URDF.",
     )
-    clip: tuple[str, ...] = Field((), description="Only the clip of this name; all of them where none is named.")
+    clip: tuple[str, ...] = Field((), description="Name of a clip to write; by default all.")
     rig: str | None = Field(
         None,
-        description="For BVH: a BVH whose header, unit and axes to write in; its joints must correspond. For"
-        " robot-csv: the robot's URDF (default: --skeleton).",
+        description="For bvh: a BVH whose header, unit and axes are used, and whose joints correspond to the "
+        "clip's. For robot-csv: the robot's URDF (default: --skeleton).",
     )
-    values: Literal["both", "positions", "rotations"] = Field("both", description="What a CSV holds of each joint.")
-    respect_limits: bool = Field(False, description="Keep a robot's angles within the limits that its URDF tells.")
+    values: Literal["both", "positions", "rotations"] = Field("both", description="What a CSV holds for each joint.")
+    respect_limits: bool = Field(False, description="Keep the angles of a robot within the limits in its URDF.")
     skeleton_map: Path | None = Field(
-        None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
+        None, description="TOML that assigns joints to parts of the body (`pumps inspect FILE --map` prints one)."
     )
     skeleton: str | None = Field(
         None,
-        description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
-        " name for positions.",
+        description="Skeleton for files that have none: an ASF for AMC, a URDF for a robot's joint angles, a BVH "
+        "or the name of a joint list for positions.",
     )
-    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
-    fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.", gt=0)
+    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS files.")
+    fps_override: float | None = Field(
+        None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
 from stages.shared.weights.shipped import default_weights
 
 
@@ -14,32 +14,42 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton."""
 
     input: Path = Field(
-        description="The BVH, or the CSV of a robot's joint angles, to fill; rows that are no keyframes are junk and"
-        " never read."
+        description="File to fill: a BVH, or a CSV of a robot's joint angles. Rows between keyframes are "
+        "ignored. FILE.zip!MEMBER reads from an archive."
     )
-    output: Path = Field(description="The file to write, in the input's own layout.")
+    output: Path = Field(
+        description="File to write. With the input's suffix it keeps the input's layout; .bvh, .glb, .npz, .csv "
+        "and .parquet are written as `pumps export` does."
+    )
     keyframes: str | None = Field(
-        None, description="0,15,40 or every:15 or slices such as 40: and 10:20, joined by commas."
+        None,
+        description="Which rows are keyframes: 0,15,40 or every:15 or ranges such as 40: and 10:20, joined by "
+        "commas.",
     )
-    transition: str | None = Field(None, description="A:B, frames A to B-1 are missing, all others are keys.")
-    predict: int | None = Field(None, description="Append this many frames after the last.")
-    times: str | None = Field(None, description="The input's rows are keys alone: their times in seconds.")
+    transition: str | None = Field(
+        None, description="A:B: frames A to B-1 are missing, and all others are keyframes."
+    )
+    predict: int | None = Field(None, description="Frames to add after the last one.")
+    times: str | None = Field(
+        None, description="The rows of the input are keyframes only, at these times in seconds: 0,0.5,1.25."
+    )
     frames: str | None = Field(
-        None, description="The input's rows are keys alone: their frame numbers in the output."
+        None, description="The rows of the input are keyframes only, with these frame numbers in the output: 0,15,40."
     )
     weights: str = Field(
         default_factory=default_weights,
-        description="A shipped set of weights by name (pumps weights list), or a folder that holds ae and lms.",
+        json_schema_extra={NAMES_OF: "weights"},
+        description="Weights that come with pumps, by name (`pumps weights list`), or a folder with ae and lms.",
     )
-    fps_override: float | None = Field(None, description="The true frame rate, where the file's is wrong.")
+    fps_override: float | None = Field(
+        None, description="True frame rate in frames per second, if the file states a wrong one."
+    )
     skeleton: str | None = Field(
-        None, description="For a robot's joint angles: its URDF ('archive.zip!robot.urdf' too), if none lies beside."
+        None, description="For a robot's joint angles: its URDF, if the folder of the input has none."
     )
-    respect_limits: bool = Field(
-        False, description="Keep a robot's filled angles within the limits that its URDF tells."
-    )
+    respect_limits: bool = Field(False, description="Keep the angles of a robot within the limits in its URDF.")
     skeleton_map: Path | None = Field(
-        None, description="TOML that says which joints are which part of the body (`pumps inspect FILE --map`)."
+        None, description="TOML that assigns joints to parts of the body (`pumps inspect FILE --map` prints one)."
     )
-    foot_lock: bool = Field(True, description="Hold feet that stand where they stand, by turning the legs.")
-    points: int = Field(256, description="Points of the cloud.", ge=16, le=100_000)
+    foot_lock: bool = Field(True, description="Keep planted feet in place by adjusting the legs.")
+    points: int = Field(256, description="Points per cloud.", ge=16, le=100_000)

@@ -14,33 +14,34 @@ class Config(WritingConfig, ShardedConfig):
     """Read recordings into one `motion` artefact."""
 
     sources: tuple[str, ...] = Field(
-        description="Files, folders, globs, zip or tar archives; - for a list of them on standard input."
+        description="Files, folders, globs, zip or tar archives, FILE.zip!MEMBER; - reads a list of them from "
+        "standard input."
     )
     output: Path = Field(description="Folder of the motion artefact.")
     format: Literal["auto", "bvh", "asf", "amass", "deepmimic", "robot", "positions", "gltf"] = Field(
-        "auto", description="Format of the files; auto recognises each by its content."
+        "auto", description="Format of the files; auto detects it for each file."
     )
     splits: Path | None = Field(
-        None, description="JSON of splits: {archive: {test: [...], val: [...]}}; the rest is train."
+        None, description="JSON of splits, {archive: {test: [...], val: [...]}}; all other clips are for training."
     )
     fps_override: tuple[str, ...] = Field(
-        (), description="PATTERN=RATE, for example '*salsa*=60': the true frame rate."
+        (), description="PATTERN=RATE, for example '*salsa*=60': the true frame rate of files whose name matches."
     )
     trim_first: str = Field(
-        "auto", description="Frames to drop at the start: a number, or auto (a calibration pose)."
+        "auto", description="Frames to remove at the start: a number, or auto, which removes a calibration pose."
     )
     skeleton: str | None = Field(
         None,
-        description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
-        " name for positions.",
+        description="Skeleton for files that have none: an ASF for AMC, a URDF for a robot's joint angles, a BVH "
+        "or the name of a joint list for positions.",
     )
     skeleton_map: tuple[Path, ...] = Field(
         (),
-        description="TOML with the body part of each joint of a rig (`pumps inspect FILE --map` prints one);"
-        " each rig uses the one that matches its joints.",
+        description="TOML that assigns joints to parts of the body (`pumps inspect FILE --map` prints one). Each "
+        "rig uses the one whose joints it has.",
     )
-    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
+    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS files.")
     licence: str | None = Field(None, description="Licence of sources that do not state one.")
-    rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of estimating it.")
-    strict: bool = Field(False, description="Stop at the first bad file instead of reporting and skipping it.")
-    workers: int = Field(0, description="Number of reading processes; 0 for one per core.")
+    rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of an estimate.")
+    strict: bool = Field(False, description="Stop at the first bad file instead of skipping it.")
+    workers: int = Field(0, description="Processes that read files; 0 for one per core.")

@@ -13,15 +13,20 @@ class Config(StageConfig):
     """Describe what a motion file holds."""
 
     path: str = Field(
-        description="A file of any format that pumps reads, 'archive.zip!member', or an archive or folder to list."
+        description="File of any format that pumps reads (FILE.zip!MEMBER too), or an archive or folder whose "
+        "files are listed."
     )
-    map: bool = Field(False, description="Print only the skeleton map, ready to edit.")
-    skeleton_map: Path | None = Field(None, description="TOML with the body part of each joint; --map prints one.")
+    map: bool = Field(False, description="Print only the skeleton map, as TOML to edit.")
+    skeleton_map: Path | None = Field(
+        None, description="TOML that assigns joints to parts of the body; --map prints one."
+    )
     skeleton: str | None = Field(
         None,
-        description="Skeleton of files that hold none: an ASF for AMC, a URDF for a robot's angles, a BVH or a list's"
-        " name for positions.",
+        description="Skeleton for files that have none: an ASF for AMC, a URDF for a robot's joint angles, a BVH "
+        "or the name of a joint list for positions.",
     )
-    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS.")
-    rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of estimating it.")
-    fps_override: float | None = Field(None, description="The true frame rate, if the file's is wrong.", gt=0)
+    body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS files.")
+    rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of an estimate.")
+    fps_override: float | None = Field(
+        None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0
+    )

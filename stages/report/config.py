@@ -12,22 +12,22 @@ from stages.shared.contract import WritingConfig
 class Config(WritingConfig):
     """One HTML page that opens offline: results, loss curves, motions side by side in 3D."""
 
-    metrics: Path | None = Field(None, description="The metrics artefact.")
-    checkpoints: tuple[Path, ...] = Field((), description="Checkpoint artefacts whose logs are drawn.")
+    metrics: Path | None = Field(None, description="metrics artefact whose tables are shown.")
+    checkpoints: tuple[Path, ...] = Field((), description="Checkpoint artefact whose training log is plotted.")
     motions: tuple[str, ...] = Field(
         (),
-        description="NAME=PATH of BVH files or motion artefacts to play side by side, the truth first; "
-        "SCENE/NAME=PATH for several scenes, SCENE a title or TITLE: DETAIL.",
+        description="NAME=PATH of a BVH (FILE.zip!MEMBER too) or a motion artefact to play side by side, the true"
+        " motion first; SCENE/NAME=PATH for several scenes. SCENE is a title, or TITLE: DETAIL.",
     )
     keyframes: str = Field("every:15", description="Which frames of the motions were known.")
-    scene_keyframes: tuple[str, ...] = Field((), description="SCENE=FRAMES where a scene's known frames are others.")
-    slerp: bool = Field(True, description="Also play slerp between the keyframes of a scene's first motion.")
-    max_clips: int = Field(8, description="Clips to take from motion artefacts.", ge=1)
-    max_seconds: float = Field(40, description="Longer motions are played up to here.", gt=0)
-    title: str = Field("Motion, filled in", description="The page's heading.")
+    scene_keyframes: tuple[str, ...] = Field((), description="SCENE=FRAMES: the known frames of one scene.")
+    slerp: bool = Field(True, description="Also play slerp between the keyframes of the first motion of each scene.")
+    max_clips: int = Field(8, description="Most clips to play from motion artefacts.", ge=1)
+    max_seconds: float = Field(40, description="Longest time to play of each motion, in seconds.", gt=0)
+    title: str = Field("Motion, filled in", description="Heading of the page.")
     licences: tuple[str, ...] = Field(
-        (), description="Licences of the motions that are files, to be told at the foot."
+        (), description="Licence of the motions that are files; shown at the end of the page."
     )
-    output: Path = Field(description="The HTML file to write.")
-    picture: Path | None = Field(None, description="Also an SVG to write: poses over a gap of each scene.")
-    pictured: tuple[str, ...] = Field((), description="Scenes in the picture; all of them by default.")
+    output: Path = Field(description="HTML file to write.")
+    picture: Path | None = Field(None, description="SVG file to write, too: poses across one gap of each scene.")
+    pictured: tuple[str, ...] = Field((), description="Scene to show in the picture; by default all.")

@@ -14,32 +14,36 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Give a motion to another skeleton, of which no pose of the motion is known."""
 
     input: Path = Field(
-        description="The recording that moves, a BVH or any other that is read; of an archive: FILE.zip!MEMBER."
+        description="Recording whose motion is used: a BVH or any other format that pumps reads. FILE.zip!MEMBER "
+        "reads from an archive."
     )
     to: Path = Field(
-        description="The rig that is to move. A BVH of it: its header, and its rest pose or a frame of it; its joints"
-        " turn freely. Or a robot's URDF: its joints turn about their axes."
+        description="Target rig: a BVH with its header and its rest pose or a motion, whose joints rotate freely;"
+        " or a robot's URDF, whose joints rotate about their axes."
     )
     output: Path = Field(
-        description="The file to write: a BVH with the rig's header; of a robot its joint angles (.csv) or a .bvh."
+        description="File to write: .bvh has the rig's header, and .csv for a robot its joint angles; .glb, .npz,"
+        " .csv and .parquet are written as `pumps export` does."
     )
     method: Literal["turns", "solve", "network", "both"] = Field(
         "solve",
-        description="turns: bones turn as answering bones turn. solve: then hands, feet and what lies between are "
-        "drawn to where the source has them. network: as the rig's network says of the source's cloud. both: the "
-        "solve from the network's pose.",
+        description="How to retarget. turns: copy the rotation of corresponding bones. solve: then move hands, "
+        "feet and limbs to where they are in the source. network: use the rig's network. both: solve,"
+        " starting from the network's pose.",
     )
-    network: Path | None = Field(None, description="The rig's network (`pumps train skeleton`), for these two.")
-    points: int = Field(256, description="Points of the cloud that draws them.", ge=16, le=100_000)
+    network: Path | None = Field(
+        None, description="Network of the rig (`pumps train skeleton`), for the methods network and both."
+    )
+    points: int = Field(256, description="Points per cloud, for all methods but turns.", ge=16, le=100_000)
     fps_override: float | None = Field(
-        None, description="True frames a second, where the file's frame time is wrong."
+        None, description="True frame rate in frames per second, if the file states a wrong one."
     )
     skeleton: str | None = Field(
         None,
-        description="Skeleton of an input that has none: an ASF for AMC, a URDF for a robot's angles, a BVH or a"
-        " list's name for positions.",
+        description="Skeleton for files that have none: an ASF for AMC, a URDF for a robot's joint angles, a BVH "
+        "or the name of a joint list for positions.",
     )
-    respect_limits: bool = Field(False, description="Keep a robot's angles within the limits that its URDF tells.")
+    respect_limits: bool = Field(False, description="Keep the angles of a robot within the limits in its URDF.")
 
     @model_validator(mode="after")
     def _network_fits(self) -> Config:

@@ -37,8 +37,8 @@ STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on aver
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Retarget a recording.
 
-    Raises: UsageError for an output that exists or has a suffix that cannot be written; InputError for files that are no humanoids, and for a rig whose
-    rest pose is none and that has no frame of motion either.
+    Raises: UsageError for an output that exists or has a suffix that cannot be written; InputError for files that
+    are no humanoids, and for a rig with neither a rest pose nor a frame of motion.
     """
     started = time.perf_counter()
     check_file(config, SUFFIXES.values())

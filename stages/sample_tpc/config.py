@@ -12,22 +12,29 @@ from stages.shared.contract import SeededConfig, ShardedConfig, WritingConfig
 class Config(WritingConfig, ShardedConfig, SeededConfig):
     """Turn a `motion` artefact into a `tpc` artefact (bones' transforms, or positions when baked)."""
 
-    motion: Path = Field(description="The motion artefact.")
+    motion: Path = Field(description="motion artefact to sample.")
     output: Path = Field(description="Folder of the tpc artefact.")
     where: str | None = Field(
-        None, description="Which clips: an expression of their index, 'foot_skate < 0.1 and not t_pose'."
+        None,
+        description="Which clips to use: an expression over the clip index, such as 'foot_skate < 0.1 and not "
+        "t_pose'.",
     )
-    points: int = Field(256, description="Points drawn for each skeleton.", ge=8)
-    sigma_m: float = Field(0.05, description="Standard deviation of a baked cloud's offsets, metres.", ge=0)
-    fps: float = Field(30.0, description="Rate that clips are resampled to.", gt=0)
+    points: int = Field(256, description="Points to draw for each skeleton.", ge=8)
+    sigma_m: float = Field(
+        0.05, description="Standard deviation of the points' offsets from the bones, in metres, for --bake.", ge=0
+    )
+    fps: float = Field(30.0, description="Frame rate to which clips are resampled.", gt=0)
     bake: bool = Field(
-        False, description="Store every point's position (dense) instead of bones' transforms (rigid)."
+        False, description="Store the position of every point (dense) instead of the transforms of the bones (rigid)."
     )
     pack: bool = Field(
-        False, description="Store bones' transforms in an eighth of the space, exact to fractions of a millimetre."
+        False, description="Store the transforms in an eighth of the space; the error is a fraction of a millimetre."
     )
     mixed_rigs: float = Field(
-        0.0, description="Share of the training clips to add on another rig of the collection as well.", ge=0, le=1
+        0.0,
+        description="Fraction of the training clips to add a second time, on another rig of the collection.",
+        ge=0,
+        le=1,
     )
 
     @model_validator(mode="after")

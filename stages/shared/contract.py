@@ -7,10 +7,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
 
 from data_schemas.errors import UsageError
 
 _Item = TypeVar("_Item")
+
+# What `json_schema_extra` of a Config's field may say to the command line:
+OFTEN_SET = "often_set"  # where any field has it, `--help` shows those alone, and `--help-all` the others too
+VALUES = "values"  # a list of values that the shell completes
+NAMES_OF = "names_of"  # "weights" or "data sets", whose names the shell completes
+OFTEN: JsonDict = {OFTEN_SET: True}
 
 
 class StageConfig(BaseModel):
@@ -35,7 +42,11 @@ class WritingConfig(StageConfig):
 class DeviceConfig(StageConfig):
     """A stage that runs a network."""
 
-    device: str = Field("auto", description="Where to compute: auto, cpu, cuda or mps.")
+    device: str = Field(
+        "auto",
+        json_schema_extra={VALUES: ["auto", "cpu", "cuda", "mps"]},
+        description="Where to compute: auto, cpu, cuda or mps.",
+    )
 
 
 class ShardedConfig(StageConfig):

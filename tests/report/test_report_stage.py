@@ -208,7 +208,8 @@ def test_artefacts_give_a_scene_for_each_shared_clip(tmp_path: Path) -> None:
     assert [scene["name"] for scene in scenes] == ["b", "set.c"]
     assert [m["name"] for m in scenes[0]["motions"]] == ["truth", "made"]
     assert scenes[0]["motions"][0]["frames"] == 31
-    run(Config(motions=tuple(f"set/{text}" for text in both), output=tmp_path / "r.html", slerp=False, overwrite=True))
+    in_set = tuple(f"set/{text}" for text in both)
+    run(Config(motions=in_set, output=tmp_path / "r.html", slerp=False, overwrite=True))
     assert [scene["name"] for scene in parsed(tmp_path / "r.html")[1]] == ["set: b", "set: c"]
 
 

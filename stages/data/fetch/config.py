@@ -6,14 +6,16 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import NAMES_OF, StageConfig
 
 
 class Config(StageConfig):
     """Download a public data set, going on where an earlier try broke off, and check it."""
 
-    name: str = Field(description="The data set (`pumps data list`).")
-    output: Path = Field(Path("data"), description="Folder to download into.")
-    accept_licence: bool = Field(False, description="Accept the data set's licence; asked for once.")
-    catalogue: Path | None = Field(None, description="Another catalogue (TOML) than the one that comes with pumps.")
-    acceptances: Path | None = Field(None, description="File that remembers accepted licences; default: the user's.")
+    name: str = Field(json_schema_extra={NAMES_OF: "data sets"}, description="Data set (`pumps data list`).")
+    output: Path = Field(Path("data"), description="Folder to download to; files that are complete stay.")
+    accept_licence: bool = Field(False, description="Accept the licence of the data set; needed once.")
+    catalogue: Path | None = Field(None, description="Catalogue (TOML) to use instead of that of pumps.")
+    acceptances: Path | None = Field(
+        None, description="File that stores accepted licences; by default in the user's configuration."
+    )

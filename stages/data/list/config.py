@@ -12,4 +12,4 @@ from stages.shared.contract import StageConfig
 class Config(StageConfig):
     """List public data sets: licence, size, home page."""
 
-    catalogue: Path | None = Field(None, description="Another catalogue (TOML) than the one that comes with pumps.")
+    catalogue: Path | None = Field(None, description="Catalogue (TOML) to use instead of that of pumps.")

@@ -12,8 +12,12 @@ from stages.shared.contract import SeededConfig, WritingConfig
 class Config(WritingConfig, SeededConfig):
     """Put clips of a motion artefact on the rigs of another: bones turn as answering bones turn."""
 
-    motion: Path = Field(description="The motion artefact whose clips are put on other rigs.")
-    rigs: Path = Field(description="The motion artefact whose skeletons are the rigs; its clips lend them poses.")
+    motion: Path = Field(description="motion artefact with the clips.")
+    rigs: Path = Field(description="motion artefact with the rigs; its clips provide their reference poses.")
     output: Path = Field(description="Folder of the motion artefact.")
-    splits: tuple[str, ...] = Field(("test",), description="Clips of which splits.")
-    where: str | None = Field(None, description="Which clips of these: an expression of their index, 'not t_pose'.")
+    splits: tuple[str, ...] = Field(
+        ("test",), description="Splits whose clips are used; repeat the option for several."
+    )
+    where: str | None = Field(
+        None, description="Which of these clips to use: an expression over the clip index, such as 'not t_pose'."
+    )

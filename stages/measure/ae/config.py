@@ -12,14 +12,16 @@ from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
 class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure autoencoders on held-out clouds, and compare their order with PUMPS Table 2."""
 
-    tpc: Path = Field(description="The tpc artefact whose held-out clips are reconstructed.")
-    weights: tuple[str, ...] = Field(description="NAME=FOLDER of an autoencoder's checkpoint; each is a row.")
-    output: Path = Field(description="Folder of the metrics artefact.")
-    splits: tuple[str, ...] = Field(("test",), description="Which splits are measured.")
-    max_windows: int = Field(
-        60, description="Windows for each archive, spread evenly over its clips; 0 for all.", ge=0
+    tpc: Path = Field(description="tpc artefact whose clips are reconstructed.")
+    weights: tuple[str, ...] = Field(
+        description="NAME=FOLDER of the checkpoint of an autoencoder; each is a row of the table."
     )
-    window: int = Field(0, description="Frames in a window; 0 for as many as all were trained on.", ge=0)
-    points: int = Field(0, description="Points of a cloud; 0 for as many as all were trained on.", ge=0)
-    sigma_m: float = Field(0.05, description="Standard deviation of the points' offsets, metres.", gt=0)
-    pictures: int = Field(2, description="Windows that are drawn, each with all rows.", ge=0)
+    output: Path = Field(description="Folder of the metrics artefact.")
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure; repeat the option for several.")
+    max_windows: int = Field(60, description="Windows per archive, spread evenly over the clips; 0 for all.", ge=0)
+    window: int = Field(0, description="Frames per window; 0 for as many as all autoencoders were trained on.", ge=0)
+    points: int = Field(0, description="Points per cloud; 0 for as many as all autoencoders were trained on.", ge=0)
+    sigma_m: float = Field(
+        0.05, description="Standard deviation of the points' offsets from the bones, in metres.", gt=0
+    )
+    pictures: int = Field(2, description="Windows to draw, each with all rows.", ge=0)

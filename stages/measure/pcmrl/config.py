@@ -14,22 +14,27 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     adapted to another skeleton (Table 2, with --source)."""
 
     output: Path = Field(description="Folder of the metrics artefact.")
-    truth: Path | None = Field(None, description="The tpc artefact of the skeleton's own motions, to be filled.")
-    weights: tuple[str, ...] = Field((), description="NAME=FOLDER of an interpolator's checkpoint; each is a row.")
+    truth: Path | None = Field(None, description="tpc artefact of the skeleton's own motions, which are filled.")
+    weights: tuple[str, ...] = Field(
+        (), description="NAME=FOLDER of the checkpoint of an interpolator; each is a row of the table."
+    )
     category: tuple[str, ...] = Field(
-        (), description="NAME=PATTERN: clips whose source matches; by default one for each archive."
+        (), description="NAME=PATTERN: clips whose source matches; by default one category per archive."
     )
-    source: Path | None = Field(None, description="The tpc artefact of the motions that were adapted.")
-    adapted: tuple[str, ...] = Field((), description="NAME=TPC of the adapted motions; each is a row.")
-    intervals: tuple[int, ...] = Field((5, 15, 30), description="Frames between keys.")
-    sigmas_m: tuple[float, ...] = Field((0.0, 0.01, 0.05, 0.1, 0.2), description="Spreads of the compared clouds.")
-    points: int = Field(1024, description="Points of the compared clouds.", ge=8)
-    neighbours: int = Field(8, description="K of the distance of clouds.", ge=1)
-    window: int = Field(121, description="Frames in a window.", ge=4)
-    splits: tuple[str, ...] = Field(("test",), description="Which splits are measured.")
-    max_windows: int = Field(
-        0, description="Windows for each category, spread evenly over its clips; 0 for all.", ge=0
+    source: Path | None = Field(None, description="tpc artefact of the motions before they were adapted.")
+    adapted: tuple[str, ...] = Field(
+        (), description="NAME=TPC: tpc artefact of adapted motions; each is a row of the table."
     )
+    intervals: tuple[int, ...] = Field((5, 15, 30), description="Frames between keyframes.")
+    sigmas_m: tuple[float, ...] = Field(
+        (0.0, 0.01, 0.05, 0.1, 0.2),
+        description="Standard deviations of the points' offsets in the compared clouds, in metres.",
+    )
+    points: int = Field(1024, description="Points per compared cloud.", ge=8)
+    neighbours: int = Field(8, description="Number of nearest neighbours in the distance between clouds.", ge=1)
+    window: int = Field(121, description="Frames per window.", ge=4)
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure; repeat the option for several.")
+    max_windows: int = Field(0, description="Windows per category, spread evenly over the clips; 0 for all.", ge=0)
 
     @model_validator(mode="after")
     def _something_is_measured(self) -> Config:

@@ -27,6 +27,11 @@ def preset_path(name: str) -> Path:
     return _folder() / f"{name}.toml"
 
 
+def is_in_presets(stage: str) -> bool:
+    """Whether any preset has settings of this stage."""
+    return any(stage in _tables(preset_path(name)) for name in preset_names())
+
+
 def preset_layers(name: str, stage: str) -> list[Layer]:
     """What a preset, and those it builds on, say of a stage; the one named comes last."""
     chain: list[tuple[str, dict[str, Any]]] = []

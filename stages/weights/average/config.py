@@ -13,7 +13,8 @@ class Config(WritingConfig):
     """Average the weights of several trainings that started from the same weights (Wortsman et al. 2022)."""
 
     checkpoints: tuple[Path, ...] = Field(
-        description="Checkpoint artefacts of one network, as `pumps train lms --initial` makes of several seeds.",
+        description="Checkpoint artefacts of one network, such as several trainings with `pumps train lms "
+        "--initial` and different seeds.",
         min_length=2,
     )
     output: Path = Field(description="Folder of the checkpoint artefact.")

@@ -12,12 +12,13 @@ from stages.shared.contract import WritingConfig
 class Config(WritingConfig):
     """Make a run's networks small enough to hand on."""
 
-    run: Path = Field(description="The run's folder, with train-ae and train-lms, or packed weights.")
-    output: Path = Field(description="Folder for the weights: its parts are ae and lms, and its card MODEL_CARD.md.")
-    half: bool = Field(True, description="Keep the weights in half precision.")
-    name: str = Field("", description="What the weights are called; the output folder's name by default.")
+    run: Path = Field(description="A run's folder, with train-ae and train-lms, or packed weights.")
+    output: Path = Field(description="Folder for the weights: ae, lms and MODEL_CARD.md.")
+    half: bool = Field(True, description="Store the weights in half precision.")
+    name: str = Field("", description="Name of the weights; by default that of the output folder.")
     measured: Path | None = Field(
         None,
-        description="A metrics artefact of this very run (pumps evaluate): what they are good and bad at.",
+        description="metrics artefact of this run (`pumps evaluate`); the card then tells what the weights are "
+        "good and bad at.",
     )
-    method: str = Field("pumps", description="What the metrics artefact calls these weights.")
+    method: str = Field("pumps", description="Name of these weights in the metrics artefact.")

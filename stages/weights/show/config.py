@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import NAMES_OF, StageConfig
 from stages.shared.weights.shipped import default_weights
 
 
@@ -12,5 +12,7 @@ class Config(StageConfig):
     """Tell what is known of some weights: licences, size, training, validation, what they are good and bad at."""
 
     name: str = Field(
-        default_factory=default_weights, description="Shipped weights by name, or a folder that holds ae and lms."
+        default_factory=default_weights,
+        json_schema_extra={NAMES_OF: "weights"},
+        description="Weights that come with pumps, by name (`pumps weights list`), or a folder with ae and lms.",
     )

@@ -24,7 +24,7 @@ class EncoderSizes(Sizes):
     blocks: int = Field(
         default=4, description="Attention blocks, each followed by farthest-point pooling to a quarter."
     )
-    neighbours: int = Field(default=8, description="k of the attention over nearest neighbours.")
+    neighbours: int = Field(default=8, description="Number of nearest neighbours that attention looks at.")
     heads: int = Field(
         default=8, description="Channel groups that share one attention weight (grouped vector attention)."
     )
@@ -39,18 +39,22 @@ class DecoderSizes(Sizes):
     noise: int = Field(default=128, description="Width of a point's noise identity.")
     identities: str = Field(
         default="gaussian",
-        description="What tells points apart: gaussian noise (PUMPS), a fixed 2D grid (FoldingNet), or draws from a "
-        "Gaussian that the frame gives (vae, as PointIVAE); PUMPS Table 2.",
+        description="How points are distinguished (PUMPS Table 2): gaussian noise (PUMPS), grid, which is fixed and "
+        "2D (FoldingNet), or vae, draws from a Gaussian that depends on the frame (PointIVAE).",
     )
     head: str = Field(
-        default="mlp", description="How a point is made: mlp (PUMPS), or skinning (frame transforms times codes)."
+        default="mlp",
+        description="How a point is computed: mlp (PUMPS), or skinning (transforms of the frame times codes).",
     )
     codes: int = Field(default=64, description="Width of a point's code in the skinning head.")
     point_width: int = Field(default=512, description="First hidden width of the point-wise MLP.")
     point_hidden: int = Field(default=32, description="Second hidden width of the point-wise MLP.")
-    dropout: float = Field(default=0.1, description="Share of latent features that sequence-wise dropout leaves out.")
-    positions: str = Field(default="rope", description="Positions in time: rope, or sinusoidal (PUMPS Table 2).")
-    dropout_kind: str = Field(default="sequence", description="sequence, or element (PUMPS Table 2).")
+    dropout: float = Field(default=0.1, description="Fraction of the latent features that dropout removes.")
+    positions: str = Field(default="rope", description="How time is encoded: rope, or sinusoidal (PUMPS Table 2).")
+    dropout_kind: str = Field(
+        default="sequence",
+        description="What dropout removes: features of a whole sequence, or of an element (PUMPS Table 2).",
+    )
 
     @property
     def identity_width(self) -> int:
@@ -77,20 +81,21 @@ class SynthesiserSizes(Sizes):
 
     width: int = Field(default=512, description="Width of all attention stages.")
     heads: int = Field(default=8, description="Attention heads.")
-    key_layers: int = Field(default=8, description="Layers over the keyframes alone.")
-    fill_layers: int = Field(default=8, description="Layers in which missing frames look at the encoded keys.")
+    key_layers: int = Field(default=8, description="Layers over the keyframes only.")
+    fill_layers: int = Field(default=8, description="Layers in which missing frames attend to the encoded keyframes.")
     frame_layers: int = Field(default=8, description="Layers over all frames.")
     base: str = Field(
         default="skeleton",
-        description="What the residual is added to: the latents of the skeleton's own plain "
-        "interpolation (skeleton), or the known latents interpolated (latent).",
+        description="What the predicted difference is added to: skeleton, the latents of a plain interpolation of "
+        "the poses, or latent, the interpolated latents.",
     )
     glide_root_s: float = Field(
         default=0.0,
         ge=0,
-        description="Seconds in which the base's speed decays beyond the keys; 0 holds the pose.",
+        description="Before the first and after the last keyframe: seconds in which the speed of the root decays; "
+        "0 to hold the pose.",
     )
-    glide_turn_s: float = Field(default=0.0, ge=0, description="The same of rotations.")
+    glide_turn_s: float = Field(default=0.0, ge=0, description="The same for rotations.")
 
 
 class SkeletonSizes(Sizes):
@@ -101,7 +106,7 @@ class SkeletonSizes(Sizes):
     heads: int = Field(default=8, description="Attention heads.")
     heading: bool = Field(
         default=True,
-        description="Turn every frame's cloud to face one way before the network sees it; without it (PC-MRL) the "
+        description="Rotate the cloud of each frame to the same heading before the network; without it (PC-MRL) the "
         "network learns all headings.",
     )
 
@@ -111,7 +116,11 @@ class InterpolatorSizes(Sizes):
 
     width: int = Field(default=512, description="Width of all attention stages.")
     heads: int = Field(default=8, description="Attention heads.")
-    key_layers: int = Field(default=8, description="Layers over the keyframes alone.")
-    fill_layers: int = Field(default=8, description="Layers in which missing frames look at the encoded keys.")
+    key_layers: int = Field(default=8, description="Layers over the keyframes only.")
+    fill_layers: int = Field(default=8, description="Layers in which missing frames attend to the encoded keyframes.")
     frame_layers: int = Field(default=8, description="Layers over all frames.")
-    longest: int = Field(default=64, description="Frames apart beyond which all distances count alike.", ge=1)
+    longest: int = Field(
+        default=64,
+        description="Largest distance in frames that attention distinguishes; longer ones are treated as this one.",
+        ge=1,
+    )
