@@ -113,7 +113,7 @@ def _argument(name: str, field: FieldInfo) -> Parameter:
     several, _ = _shape(field.annotation)
     kind = list[str] if several else str
     detail = typer.Argument(
-        help=field.description, metavar=name.upper(), show_default=False, autocompletion=completion_of(field)
+        help=_help_text(field, []), metavar=name.upper(), show_default=False, autocompletion=completion_of(field)
     )
     return Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[kind | None, detail])
 
@@ -123,7 +123,8 @@ def _flag(path: tuple[str, ...], field: FieldInfo) -> Parameter:
     *tables, name = path
     flag = "--" + ".".join(path).replace("_", "-")
     panel = f"Settings of the {tables[0]}" if tables else None
-    help_text = _help_text(field, several)
+    remarks = [*(["repeatable"] if several else []), *(["required"] if field.is_required() else [])]
+    help_text = _help_text(field, remarks)
     if inner is bool:
         off = "--" + ".".join((*tables, f"no-{name}")).replace("_", "-")
         detail = typer.Option(f"{flag}/{off}", help=help_text, show_default=False, rich_help_panel=panel)
@@ -153,19 +154,17 @@ def _metavar(inner: Any) -> str:
     return _METAVARS.get(inner, "TEXT")
 
 
-def _help_text(field: FieldInfo, several: bool) -> str:
-    """The description, and in brackets whether it may be repeated, long choices, and the default."""
-    remarks = ["repeatable"] if several else []
+def _help_text(field: FieldInfo, remarks: list[str]) -> str:
+    """The description, and in brackets the remarks, choices that are too long for the metavar, and the default."""
+    remarks = list(remarks)
     _, inner = _shape(field.annotation)
     if get_origin(inner) is Literal and _metavar(inner) == "NAME":
         remarks.append(f"one of {', '.join(str(choice) for choice in get_args(inner))}")
-    if field.is_required():
-        remarks.append("required")
-    else:
+    if not field.is_required():
         default = field.get_default(call_default_factory=True)
         if isinstance(default, bool):
             remarks += ["default: yes"] if default else []
-        elif default is not None and default != ():
+        elif default not in (None, (), ""):
             shown = " ".join(str(item) for item in default) if isinstance(default, tuple) else default
             remarks.append(f"default: {shown}")
     return f"{field.description or ''} ({'; '.join(remarks)})" if remarks else field.description or ""

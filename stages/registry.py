@@ -21,19 +21,19 @@ class Stage:
     command:   the words after `pumps` ("train", "ae"). `auto` at their end means the stage itself, beside its forms.
     summary:   one sentence for help and tables.
     reads:     kinds of artefacts or files that it reads.
-    writes:    kind of artefact or file that it writes; "" for a tool that only tells.
+    writes:    kind of artefact or file that it writes; "" for a tool that only prints.
     example:   a command line that a user would type.
-    arguments: fields of its Config that are given by place, not by flag.
+    arguments: fields of its Config that are given by position, not by flag.
     needs:     in a run, the stages whose outputs it reads.
     inputs:    in a run, how those outputs are given to it: (field of its Config, place). A place is a path in the
                run's folder that begins with a stage's name, "." for the folder itself, or {weights} for weights to
                compare; {clip} stands for each of the run's clips in turn. "LABEL=" may come before a place.
-    target:    in a run, the file in its folder whose being there says that it is done.
+    target:    in a run, the file in its folder that is there when the stage is done.
     writes_file: whether its output is that file instead of the folder.
     pipeline:  False for a tool that is no node of a run.
     form_of:   for a further command of a stage, the stage's name: the two share their settings.
-    fixed:     settings that such a command stands for, which are then no flags.
-    without:   settings that mean nothing to it, which are then no flags.
+    fixed:     settings that this command fixes, which have no flags.
+    without:   settings that have no meaning for this command, and have no flags.
     """
 
     command: tuple[str, ...]
@@ -92,7 +92,7 @@ STAGES: tuple[Stage, ...] = (
         "pumps ingest bvh recordings/ more.zip -o runs/mine/ingest",
     ),
     _ingest(
-        "asf", "ASF/AMC", "Read Acclaim AMC files, each on the ASF that lies beside it.",
+        "asf", "ASF/AMC", "Read Acclaim AMC files, each with the ASF in its folder.",
         "pumps ingest asf recordings/cmu.tar.gz -o runs/mine/ingest", "skeleton",
     ),
     _ingest(
@@ -104,7 +104,11 @@ STAGES: tuple[Stage, ...] = (
         "pumps ingest deepmimic recordings/ -o runs/mine/ingest",
     ),
     _ingest(
-        "positions", "npy, npz, CSV", "Read joint positions by inverse kinematics.",
+        "robot", "URDF, CSV", "Read the joint angles of robots, each with the URDF near it.",
+        "pumps ingest robot recordings/ --skeleton robot.urdf -o runs/mine/ingest", "skeleton",
+    ),
+    _ingest(
+        "positions", "npy, npz, CSV", "Read joint positions, and find rotations by inverse kinematics.",
         "pumps ingest positions recordings/ --skeleton rig.bvh -o runs/mine/ingest", "skeleton",
     ),
     _ingest(
@@ -113,20 +117,20 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("sample-tpc",),
-        "Scatter points around the bones: motion to temporal point clouds.",
+        "Draw points around the bones: motions become temporal point clouds.",
         ("motion",), "tpc", "pumps sample-tpc --motion runs/mine/ingest -o runs/mine/sample-tpc",
         needs=("ingest",), inputs=(("motion", "ingest"),),
     ),
     Stage(
         ("train", "ae"),
-        "Train the autoencoder of clouds.",
+        "Train the autoencoder of point clouds.",
         ("tpc",), "checkpoint",
         "pumps train ae --preset tiny --tpc runs/mine/sample-tpc -o runs/mine/train-ae",
         needs=("sample-tpc",), inputs=(("tpc", "sample-tpc"),),
     ),
     Stage(
         ("encode",),
-        "Turn every frame's cloud into a latent vector.",
+        "Encode the cloud of every frame as a latent vector.",
         ("tpc", "checkpoint"), "latent",
         "pumps encode --tpc runs/mine/sample-tpc --ae runs/mine/train-ae -o runs/mine/encode",
         needs=("sample-tpc", "train-ae"), inputs=(("tpc", "sample-tpc"), ("ae", "train-ae")),
@@ -141,27 +145,27 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("train", "skeleton"),
-        "Train a network from clouds of any skeletons to the motion of one rig.",
+        "Train a network that turns clouds of any skeleton into motion of one rig.",
         ("BVH", "tpc"), "checkpoint",
         "pumps train skeleton --preset tiny --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/rig",
         pipeline=False,
     ),
     Stage(
         ("data", "pick"),
-        "Copy a few test clips out of the sources as BVH files, to be filled.",
+        "Copy a few test clips from the sources as BVH files, to be filled.",
         ("motion",), "BVH", "pumps data pick --motion runs/mine/ingest -o runs/mine/data-pick",
         needs=("ingest",), inputs=(("motion", "ingest"),), target="clips.txt",
     ),
     Stage(
         ("infill",),
-        "Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton.",
+        "Fill the frames between keyframes, of a BVH or a robot's joint angles, on its own skeleton.",
         ("BVH", "checkpoint"), "BVH", "pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh",
         arguments=("input",), needs=("data-pick", "train-ae", "train-lms"),
         inputs=(("input", "data-pick/{clip}.bvh"), ("weights", ".")), target="{clip}.bvh", writes_file=True,
     ),
     Stage(
         ("decode",),
-        "Turn latents back into clouds, and latents or clouds into skeletal motion.",
+        "Decode latents into clouds, and latents or clouds into skeletal motion.",
         ("latent", "tpc", "checkpoint", "motion"), "tpc or motion",
         "pumps decode --latent runs/mine/encode --ae runs/mine/train-ae -o runs/mine/decode",
         needs=("ingest", "train-ae", "encode"),
@@ -177,7 +181,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("report",),
-        "Write one HTML page that opens offline: results, loss curves, motions side by side.",
+        "Write an HTML page that works offline: results, loss curves, motions side by side.",
         ("metrics", "checkpoint", "motion", "BVH"), "HTML",
         "pumps report --metrics runs/mine/evaluate --checkpoints runs/mine/train-ae -o report.html",
         needs=("train-ae", "train-lms", "data-pick", "infill", "evaluate"),
@@ -189,27 +193,27 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("retarget",),
-        "Give a motion to another rig, whatever its names and proportions.",
+        "Put a motion on another rig, with any joint names and proportions.",
         ("BVH", "checkpoint"), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
         arguments=("input",), pipeline=False,
     ),
     Stage(
         ("data", "rerig"),
-        "Put test clips on the rigs of other recordings, to measure on skeletons never seen.",
+        "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",
         "pumps data rerig --motion runs/mine/ingest --rigs runs/others/ingest -o runs/mine/on-other-rigs",
         pipeline=False,
     ),
     Stage(
         ("train", "citl"),
-        "Train an interpolator in one skeleton's pose space, on that skeleton's motions (PC-MRL).",
+        "Train an interpolator of one skeleton's poses, on motions of that skeleton (PC-MRL).",
         ("tpc",), "checkpoint",
         "pumps train citl --preset pcmrl --tpc runs/mine/adapted-tpc -o runs/mine/train-citl",
         pipeline=False,
     ),
     Stage(
         ("weights", "average"),
-        "Average several trainings that started from the same weights: better than each of them.",
+        "Average several trainings that started from the same weights.",
         ("checkpoint",), "checkpoint",
         "pumps weights average runs/mine/lms-1 runs/mine/lms-2 -o runs/mine/train-lms",
         arguments=("checkpoints",), pipeline=False,
@@ -223,41 +227,41 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("measure", "latents"),
-        "Measure how much latents move when points, sigma or the skeleton change.",
+        "Measure how much latents change with the points, sigma or the skeleton.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure latents --motion runs/mine/ingest --weights tiny -o runs/mine/measure-latents",
         pipeline=False,
     ),
     Stage(
         ("measure", "pcmrl"),
-        "Measure what PC-MRL's tables do: a skeleton's own motions filled, adapted motions beside their sources.",
+        "Measure as PC-MRL's tables do: fill a skeleton's own motions, compare adapted motions with their sources.",
         ("tpc", "checkpoint"), "metrics",
         "pumps measure pcmrl --truth runs/mine/sample-tpc --weights mine=runs/mine/train-citl -o runs/mine/measure",
         pipeline=False,
     ),
     Stage(
         ("measure", "motions"),
-        "Measure motions beside the true ones of the same clips and joints.",
+        "Compare motions with the true motions of the same clips and joints.",
         ("motion",), "metrics",
         "pumps measure motions --truth runs/mine/ingest --made network=runs/mine/decode -o runs/mine/measure-motions",
         pipeline=False,
     ),
     Stage(
         ("measure", "solve"),
-        "Measure how well skeletons follow clouds: true, noisy, of other sizes, on stranger rigs.",
+        "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure solve --motion runs/mine/ingest -o runs/mine/measure-solve",
         pipeline=False,
     ),
     Stage(
         ("weights", "calibrate"),
-        "Learn how far weights may be trusted, on clips they were not trained on, and keep that beside them.",
+        "Measure how reliable weights are, on clips they were not trained on, and store the result with them.",
         ("checkpoint", "motion"), "", "pumps weights calibrate runs/mine --motion runs/mine/ingest",
         arguments=("weights",), pipeline=False,
     ),
     Stage(
         ("weights", "pack"),
-        "Make the networks of a run small enough to hand on, with one model card.",
+        "Make the networks of a run small enough to share, with one model card.",
         ("checkpoint",), "checkpoint", "pumps weights pack runs/mine -o weights/mine",
         arguments=("run",), pipeline=False, target="lms/manifest.json",
     ),
@@ -269,37 +273,37 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("weights", "show"),
-        "Tell what is known of some weights: licences, validation, what they are good and bad at.",
+        "Show what is known about weights: licences, validation, what they are good and bad at.",
         ("checkpoint",), "", "pumps weights show tiny",
         arguments=("name",), pipeline=False,
     ),
     Stage(
         ("export",),
-        "Give motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
+        "Write motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
         arguments=("input",), pipeline=False,
     ),
     Stage(
         ("inspect",),
-        "Tell what a motion file holds: skeleton, body groups, pairs, unit, facing, rate, problems.",
+        "Show what a motion file holds: skeleton, body groups, unit, facing, frame rate, problems.",
         ("any format",), "", "pumps inspect walk.bvh",
         arguments=("path",), pipeline=False,
     ),
     Stage(
         ("data", "list"),
-        "List public data sets by name: licence, size, home page.",
+        "List public data sets: licence, size, home page.",
         (), "", "pumps data list",
         pipeline=False,
     ),
     Stage(
         ("data", "fetch"),
-        "Download a public data set, resuming and checked.",
+        "Download a public data set and verify it; an interrupted download continues.",
         (), "archives", "pumps data fetch 100style -o data --accept-licence",
         arguments=("name",), pipeline=False,
     ),
     Stage(
         ("doctor",),
-        "Tell whether pumps can work here: versions, devices, weights found.",
+        "Check this installation: versions, devices, weights.",
         (), "", "pumps doctor",
         pipeline=False,
     ),
@@ -314,11 +318,11 @@ PANELS = {
 }
 
 GROUP_SUMMARIES = {
-    "data": "Public data sets listed and fetched; clips picked, or put on other rigs.",
+    "data": "List and download public data sets; pick clips, or put them on other rigs.",
     "ingest": "Read recordings into a motion artefact.",
-    "measure": "Measure one part by itself.",
+    "measure": "Measure one part: autoencoders, latents, the solver, motions.",
     "train": "Train a network.",
-    "weights": "Tell what weights there are; average, calibrate and pack your own.",
+    "weights": "List and show the weights that come with pumps; average, calibrate and pack your own.",
 }
 
 # Names of stages in 0.1.0 -> names now. Settings files and `--set` may have the old ones for one more version.
@@ -333,7 +337,7 @@ OLD_NAMES = {
     "retarget-clips": "data-rerig",
     "show-weights": "weights-show",
 }
-# Those of them that were typed. They are not in help, and go in the next version, too.
+# Those of them that were commands. They are not in help, and are removed in the next version.
 OLD_WORDS = ("average-checkpoints", "calibrate", "pack-weights", "pick-clips", "retarget-clips")
 
 

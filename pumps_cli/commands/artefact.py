@@ -70,7 +70,7 @@ def draw_lineage(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = Fal
 @app.command("merge", cls=HelpCommand, epilog="Example: pumps artefact merge part-1 part-2 part-3 -o whole")
 def merge(
     paths: Annotated[list[Path], typer.Argument(help="Artefacts of clips, of one kind.", show_default=False)],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the artefact to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="PATH", help="Folder of the artefact to write.")],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an output that exists.")] = False,
     quiet: Quiet = False,
     as_json: AsJson = False,

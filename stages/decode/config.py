@@ -18,9 +18,9 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     network was trained for (methods network and both). Neither: the clouds of latents are written.
     """
 
-    latent: Path | None = Field(None, description="latent artefact to decode.")
+    latent: Path | None = Field(None, description="The latent artefact to decode.")
     ae: Path | None = Field(None, description="Checkpoint artefact of the autoencoder, for --latent.")
-    tpc: Path | None = Field(None, description="tpc artefact to decode instead of latents.")
+    tpc: Path | None = Field(None, description="The tpc artefact to decode instead of latents.")
     network: Path | None = Field(
         None,
         description="Checkpoint of `pumps train skeleton`: all clips are put on the rig that it was trained for.",
@@ -32,11 +32,11 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     )
     motion: Path | None = Field(
         None,
-        description="motion artefact with the skeletons and keyframes of the clips; without it and without "
+        description="The motion artefact with the skeletons and keyframes of the clips; without it and without "
         "--network, clouds are written.",
     )
     keyframes: str = Field("every:15", description="Frames of --motion, at 30 per second, that are known.")
-    splits: tuple[str, ...] = Field(("test",), description="Splits to decode; repeat the option for several.")
+    splits: tuple[str, ...] = Field(("test",), description="Splits to decode.")
     points: int = Field(256, description="Points per cloud.")
     sigma_m: float = Field(
         0.05,

@@ -12,7 +12,7 @@ from stages.shared.contract import DeviceConfig, ShardedConfig, WritingConfig
 class Config(WritingConfig, ShardedConfig, DeviceConfig):
     """Encode every frame of a `tpc` artefact into a `latent` artefact."""
 
-    tpc: Path = Field(description="tpc artefact to encode.")
+    tpc: Path = Field(description="The tpc artefact to encode.")
     ae: Path = Field(description="Checkpoint artefact of the autoencoder.")
     output: Path = Field(description="Folder of the latent artefact.")
     points: int = Field(0, description="Points per cloud to encode, of those drawn; 0 for all.", ge=0)

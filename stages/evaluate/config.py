@@ -15,7 +15,7 @@ PROTOCOLS = ("pumps", "lafan1")
 class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure filling on a `motion` artefact beside LERP and SLERP (task definitions in docs/evaluation.md)."""
 
-    motion: Path = Field(description="motion artefact whose clips are filled.")
+    motion: Path = Field(description="The motion artefact whose clips are filled.")
     output: Path = Field(description="Folder of the metrics artefact.")
     weights: tuple[str, ...] = Field(
         (),
@@ -28,7 +28,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     transitions: tuple[int, ...] = Field((15, 30, 60), description="Missing frames, for transitions.")
     predictions: tuple[int, ...] = Field((15, 30), description="Missing frames at the end, for prediction.")
     window: int = Field(121, description="Frames per window, for interpolation and prediction.", ge=4)
-    splits: tuple[str, ...] = Field(("test",), description="Splits to measure; repeat the option for several.")
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
     unseen: bool = Field(
         False, description="Measure all clips of archives that none of the weights were trained on, and no others."
     )

@@ -12,7 +12,7 @@ from stages.shared.contract import WritingConfig
 class Config(WritingConfig):
     """One HTML page that opens offline: results, loss curves, motions side by side in 3D."""
 
-    metrics: Path | None = Field(None, description="metrics artefact whose tables are shown.")
+    metrics: Path | None = Field(None, description="The metrics artefact whose tables are shown.")
     checkpoints: tuple[Path, ...] = Field((), description="Checkpoint artefact whose training log is plotted.")
     motions: tuple[str, ...] = Field(
         (),

@@ -12,7 +12,7 @@ from stages.shared.contract import SeededConfig, ShardedConfig, WritingConfig
 class Config(WritingConfig, ShardedConfig, SeededConfig):
     """Turn a `motion` artefact into a `tpc` artefact (bones' transforms, or positions when baked)."""
 
-    motion: Path = Field(description="motion artefact to sample.")
+    motion: Path = Field(description="The motion artefact to sample.")
     output: Path = Field(description="Folder of the tpc artefact.")
     where: str | None = Field(
         None,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import Field
 
-from stages.shared.contract import NAMES_OF, StageConfig
+from stages.shared.contract import NAMES_OF, WritingConfig
 
 
-class Config(StageConfig):
+class Config(WritingConfig):
     """Download a public data set, going on where an earlier try broke off, and check it."""
 
     name: str = Field(json_schema_extra={NAMES_OF: "data sets"}, description="Data set (`pumps data list`).")

@@ -14,8 +14,8 @@ from stages.shared.progress import SILENT, Progress
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Download what is missing of the data set.
 
-    Raises: UsageError for an unknown name or a licence that is not accepted; PumpsError where only a person can
-    fetch it, or the download fails (what has come is kept).
+    Raises: UsageError for an unknown name, a licence that is not accepted, or another file of that name;
+    PumpsError if only a person can download it, or the download fails (the downloaded part is kept).
     """
     data_set = data_set_named(read_catalogue(config.catalogue), config.name)
     if data_set.by_hand:
@@ -24,7 +24,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             f"{data_set.by_hand} Home page: {data_set.home}",
         )
     require_acceptance(config.name, data_set, config.accept_licence, config.acceptances or acceptance_file())
-    paths = [fetch_file(each, config.output, progress=progress) for each in data_set.files]
+    paths = [
+        fetch_file(each, config.output, progress=progress, overwrite=config.overwrite) for each in data_set.files
+    ]
     lines = [
         f"{path}: {path.stat().st_size / 1e6:,.1f} MB, "
         + (f"checksum right (stated by {file.checksum_from})." if file.checksum else "no checksum is stated for it.")

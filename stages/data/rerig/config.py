@@ -12,12 +12,10 @@ from stages.shared.contract import SeededConfig, WritingConfig
 class Config(WritingConfig, SeededConfig):
     """Put clips of a motion artefact on the rigs of another: bones turn as answering bones turn."""
 
-    motion: Path = Field(description="motion artefact with the clips.")
-    rigs: Path = Field(description="motion artefact with the rigs; its clips provide their reference poses.")
+    motion: Path = Field(description="The motion artefact with the clips.")
+    rigs: Path = Field(description="The motion artefact with the rigs; its clips provide their reference poses.")
     output: Path = Field(description="Folder of the motion artefact.")
-    splits: tuple[str, ...] = Field(
-        ("test",), description="Splits whose clips are used; repeat the option for several."
-    )
+    splits: tuple[str, ...] = Field(("test",), description="Splits whose clips are used.")
     where: str | None = Field(
         None, description="Which of these clips to use: an expression over the clip index, such as 'not t_pose'."
     )

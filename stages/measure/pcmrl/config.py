@@ -14,14 +14,14 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     adapted to another skeleton (Table 2, with --source)."""
 
     output: Path = Field(description="Folder of the metrics artefact.")
-    truth: Path | None = Field(None, description="tpc artefact of the skeleton's own motions, which are filled.")
+    truth: Path | None = Field(None, description="The tpc artefact of the skeleton's own motions, which are filled.")
     weights: tuple[str, ...] = Field(
         (), description="NAME=FOLDER of the checkpoint of an interpolator; each is a row of the table."
     )
     category: tuple[str, ...] = Field(
         (), description="NAME=PATTERN: clips whose source matches; by default one category per archive."
     )
-    source: Path | None = Field(None, description="tpc artefact of the motions before they were adapted.")
+    source: Path | None = Field(None, description="The tpc artefact of the motions before they were adapted.")
     adapted: tuple[str, ...] = Field(
         (), description="NAME=TPC: tpc artefact of adapted motions; each is a row of the table."
     )
@@ -33,7 +33,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     points: int = Field(1024, description="Points per compared cloud.", ge=8)
     neighbours: int = Field(8, description="Number of nearest neighbours in the distance between clouds.", ge=1)
     window: int = Field(121, description="Frames per window.", ge=4)
-    splits: tuple[str, ...] = Field(("test",), description="Splits to measure; repeat the option for several.")
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
     max_windows: int = Field(0, description="Windows per category, spread evenly over the clips; 0 for all.", ge=0)
 
     @model_validator(mode="after")

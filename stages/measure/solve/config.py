@@ -14,10 +14,10 @@ CONDITIONS = ("true", "groups", "scales", "noise", "points", "rigs", "keys")
 class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Measure how well skeletons follow clouds, true ones and worse ones, beside slerp between the keys."""
 
-    motion: Path = Field(description="motion artefact whose clips are used.")
+    motion: Path = Field(description="The motion artefact whose clips are used.")
     output: Path = Field(description="Folder of the metrics artefact.")
     intervals: tuple[int, ...] = Field((15, 30), description="Frames between keyframes, with true clouds.")
-    splits: tuple[str, ...] = Field(("test",), description="Splits to measure; repeat the option for several.")
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
     clips: int = Field(0, description="Clips per archive with true clouds, spread evenly; 0 for all.", ge=0)
     conditions: tuple[str, ...] = Field(
         CONDITIONS,

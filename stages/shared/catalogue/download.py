@@ -14,7 +14,7 @@ from typing import Any
 import pooch
 import requests
 
-from data_schemas.errors import PumpsError
+from data_schemas.errors import PumpsError, UsageError
 from stages.shared.catalogue.catalogue import DataFile
 from stages.shared.progress import Progress
 
@@ -28,19 +28,23 @@ class _Changed(Exception):
     """The server's file is another version than the downloaded part."""
 
 
-def fetch_file(file: DataFile, folder: Path, *, progress: Progress, pause_s: float = 1.0) -> Path:
+def fetch_file(
+    file: DataFile, folder: Path, *, progress: Progress, pause_s: float = 1.0, overwrite: bool = False
+) -> Path:
     """The file in `folder`, downloaded unless it is there completely, and verified by its checksum.
 
     Args:
         pause_s: wait after the first broken connection, doubled at each further one.
+        overwrite: whether a file of this name with another checksum is replaced.
 
-    Raises: PumpsError if the server cannot be reached or sends something else, or the disk is full. The downloaded
-        part is kept, and the next call continues it (after a wrong checksum it starts from the beginning).
+    Raises: UsageError if such a file is there and may not be replaced; PumpsError if the server cannot be reached or
+        sends something else, or the disk is full. The downloaded part is kept, and the next call continues it (after
+        a wrong checksum it starts from the beginning).
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / file.name
     _check_room(file, folder)
-    resuming: Any = _Resuming(file, target, progress, pause_s)  # pooch passes these arguments by position
+    resuming: Any = _Resuming(file, target, progress, pause_s, overwrite)  # pooch passes these arguments by position
     try:
         pooch.get_logger().setLevel("ERROR")
         pooch.retrieve(file.url, file.checksum or None, fname=file.name, path=folder, downloader=resuming)
@@ -66,14 +70,20 @@ def _check_room(file: DataFile, folder: Path) -> None:
 class _Resuming:
     """A downloader for pooch: called with the URL and the file to write."""
 
-    def __init__(self, file: DataFile, target: Path, progress: Progress, pause_s: float):
+    def __init__(self, file: DataFile, target: Path, progress: Progress, pause_s: float, overwrite: bool):
         self.file, self.progress, self.pause_s = file, progress, pause_s
+        self.target, self.overwrite = target, overwrite
         self.part = target.with_name(target.name + ".part")
         self.mark = target.with_name(target.name + ".part.mark")
 
     def __call__(self, url: str, output_file: str, _pooch: object, check_only: bool = False) -> bool | None:
         if check_only:
             return None
+        if self.target.exists() and not self.overwrite:  # pooch found another checksum
+            raise UsageError(
+                f"{self.target} exists, but does not match the checksum of the data set's file.",
+                "Give --overwrite to replace it, or another folder with -o.",
+            )
         self.progress.start(f"downloading {self.file.name}", self.file.bytes or None)
         self.progress.advance(self._size())
         failures = 0

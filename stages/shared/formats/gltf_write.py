@@ -40,7 +40,8 @@ def glb_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, bind: str = 
     """
     local = local_rotations_of(skeleton, motion)
     heads = np.tile(skeleton.offsets, (motion.frames, 1, 1))
-    heads[:, motion.track_joints] = motion.tracks
+    if len(motion.track_joints):  # without them, `tracks` may have no rows
+        heads[:, motion.track_joints] = motion.tracks
     heads[:, 0] = motion.root_positions
     if not (np.isfinite(local).all() and np.isfinite(heads).all()):
         raise PumpsError(f"{name}: a number to write is not finite.")

@@ -16,7 +16,7 @@ LOSSES = ("assignment", "chamfer")
 class Config(TrainingConfig):
     """Train the autoencoder of clouds on a `tpc` artefact (PUMPS 3.1, 3.2)."""
 
-    tpc: Path = Field(description="tpc artefact to learn from.")
+    tpc: Path = Field(description="The tpc artefact to learn from.")
     encoder: EncoderSizes = EncoderSizes()
     decoder: DecoderSizes = DecoderSizes()
     even_share: float = Field(

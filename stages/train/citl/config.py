@@ -14,7 +14,7 @@ from stages.shared.training.config import TrainingConfig
 class Config(TrainingConfig):
     """Train an interpolator in one skeleton's pose space, on motions of that skeleton (CITL on FOQ, PC-MRL 3.4)."""
 
-    tpc: Path = Field(description="tpc artefact of the skeleton's motions, its own or adapted ones.")
+    tpc: Path = Field(description="The tpc artefact of the skeleton's motions, its own or adapted ones.")
     network: InterpolatorSizes = InterpolatorSizes()
     rest_pose_m: float = Field(
         0.03,

@@ -27,9 +27,9 @@ class NewSizes(SynthesiserSizes):
 class Config(TrainingConfig):
     """Train the latent motion synthesiser with the frozen encoder (PUMPS 3.3)."""
 
-    tpc: Path = Field(description="tpc artefact to learn from; its clips are encoded with points drawn anew.")
+    tpc: Path = Field(description="The tpc artefact to learn from; its clips are encoded with points drawn anew.")
     ae: Path = Field(description="Checkpoint artefact of the autoencoder.")
-    latent: Path | None = Field(None, description="latent artefact of the same clips, made by the same encoder.")
+    latent: Path | None = Field(None, description="The latent artefact of the same clips, made by the same encoder.")
     synthesiser: NewSizes = NewSizes()
     even: bool = Field(
         True,

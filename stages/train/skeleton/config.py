@@ -17,7 +17,7 @@ class Config(TrainingConfig):
     skeleton: str = Field(
         description="BVH of the rig (ARCHIVE.zip!MEMBER too): its skeleton, and the frames for its rest pose."
     )
-    tpc: tuple[Path, ...] = Field(description="tpc artefact to learn from, of any skeletons.")
+    tpc: tuple[Path, ...] = Field(description="The tpc artefact to learn from, of any skeletons.")
     rest_frame: int | None = Field(
         None,
         json_schema_extra=OFTEN,

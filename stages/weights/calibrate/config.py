@@ -14,7 +14,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
 
     weights: str = Field(description="A run's folder, or packed weights; confidence.json is written there.")
     motion: tuple[Path, ...] = Field(
-        description="motion artefact whose clips are filled and compared with the true motion; all archives have "
+        description="The motion artefact whose clips are filled and compared with the true motion; all archives have "
         "the same weight.",
         min_length=1,
     )

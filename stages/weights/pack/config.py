@@ -18,7 +18,7 @@ class Config(WritingConfig):
     name: str = Field("", description="Name of the weights; by default that of the output folder.")
     measured: Path | None = Field(
         None,
-        description="metrics artefact of this run (`pumps evaluate`); the card then tells what the weights are "
+        description="The metrics artefact of this run (`pumps evaluate`); the card then states what the weights are "
         "good and bad at.",
     )
     method: str = Field("pumps", description="Name of these weights in the metrics artefact.")

@@ -99,6 +99,15 @@ def test_a_complete_file_is_not_requested_again(server, tmp_path: Path):
     assert behaviour.asked == []
 
 
+def test_another_file_of_that_name_is_replaced_on_request_only(server, tmp_path: Path):
+    _, url = server
+    (tmp_path / "walks.zip").write_bytes(b"mine")
+    with pytest.raises(UsageError, match=r"walks\.zip exists, but .*Give --overwrite"):
+        _fetch(_file(url), tmp_path)
+    assert (tmp_path / "walks.zip").read_bytes() == b"mine"
+    assert fetch_file(_file(url), tmp_path, progress=SILENT, overwrite=True).read_bytes() == CONTENT
+
+
 def test_cut_connections_go_on_where_they_broke_off(server, tmp_path: Path):
     behaviour, url = server
     behaviour.cut_after = [5 * _BLOCK, 3 * _BLOCK + 10, 0, 1]
