@@ -51,7 +51,7 @@ class HelpCommand(TyperCommand):
 
     def print_help(self, ctx: Any, *, everything: bool) -> None:
         """Print the page, with the rarely set options or without them."""
-        params = [param for param in self.get_params(ctx) if not _is_hidden(param)]
+        params: list[Any] = [param for param in self.get_params(ctx) if not _is_hidden(param)]
         shown = [param for param in params if everything or param.name not in self.shown_as.rare]
         arguments = [(_argument_name(param), param.help or "") for param in shown if _is_argument(param)]
         options = [param for param in shown if not _is_argument(param)]
