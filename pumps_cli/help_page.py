@@ -149,9 +149,8 @@ def _print_page(
         console.print(Text("\n".join(textwrap.wrap(paragraph, width - 1))), soft_wrap=True)
     console.print()
     limit = _WIDEST_LEFT if width >= _NARROW else _NARROW_LEFT
-    commands = [
-        name for title, rows in panels if isinstance(command, TyperGroup) for name, _ in rows if name[0] != "-"
-    ]
+    lefts = [name for _, rows in panels for name, _ in rows]
+    commands = [name for name in lefts if isinstance(command, TyperGroup) and not name.strip().startswith("-")]
     for title, rows in panels:
         if rows:
             names = [name for name, _ in rows]

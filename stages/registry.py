@@ -158,7 +158,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("infill",),
-        "Fill the frames between keyframes, of a BVH or a robot's joint angles, on its own skeleton.",
+        "Fill the missing frames between the keyframes of a BVH, or of a robot's joint angles.",
         ("BVH", "checkpoint"), "BVH", "pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh",
         arguments=("input",), needs=("data-pick", "train-ae", "train-lms"),
         inputs=(("input", "data-pick/{clip}.bvh"), ("weights", ".")), target="{clip}.bvh", writes_file=True,
