@@ -53,6 +53,7 @@ def test_what_expressions_mean(expression: str | None, expected: list[str]):
         "__import__('os').system('true')", "foot_skate.__class__", "[x for x in ()]", "lambda: 1", "foot_skate < ",
         "1", "true", "foot_skatee < 1", "clip < 3", "foot_skate in 3", "f'{clip}' == 'a'", "split is 'val'",
         "(" * 500 + ")" * 500, "t_pose and " * 400 + "t_pose", "9" * 1999, "foot_skate < 1e999 and clip == b'x'",
+        "-''", "not 'text'", "'a' and 'b'", "1 in [2]", "clip == -'walk'",
     ],
 )  # fmt: skip
 def test_invalid_expressions_are_refused_in_one_sentence(expression: str):
