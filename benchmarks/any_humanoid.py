@@ -23,10 +23,11 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import rig_and_poses
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses, places_of
+from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
 from stages.shared.formats.sources import find_sources
 from stages.shared.humanoid.anatomy import parts_of_skeleton
 from stages.shared.humanoid.facing import SIGNS, BodyPoses, bone_tips, find_facing
+from stages.shared.kinematics.forward_numpy import positions_of
 
 sys.path.append(str(Path(__file__).parents[1]))  # for the rigs and changes of the tests
 from tests.shared.humanoid.rig_changes import changed
@@ -78,7 +79,7 @@ def signs_of(rig: Rig, poses: Poses) -> dict[str, float]:
     """What each sign of facing says on its own of a clip whose sides the names tell: positive is right."""
     skeleton, motion, _ = motion_of_poses(body_of(rig), poses)
     step = max(1, round(0.2 * motion.fps))
-    places = places_of(skeleton, motion)[::step]
+    places = positions_of(skeleton, motion)[::step]
     tips = bone_tips(
         places, motion.rotations[::step].astype(float), skeleton.tails, np.linalg.norm(skeleton.tails, axis=1) > 0
     )

@@ -30,9 +30,10 @@ from data_schemas.motion import MotionReader
 from stages.ingest.config import Config
 from stages.ingest.run import run
 from stages.shared.formats.bvh import read_bvh
-from stages.shared.formats.bvh_motion import motion_of, places_of
+from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.sources import Source, find_sources
 from stages.shared.humanoid.motion_quality import measure_quality
+from stages.shared.kinematics.forward_numpy import positions_of
 
 SAMPLE_BYTES = 40e6
 COMPARED_BYTES = 5e6  # of text, for libraries that take long
@@ -53,7 +54,7 @@ def steps(sources: Sequence[Source]) -> dict[str, float]:
     rates = {"unpacking": _rate(lambda: texts.extend(source.read() for source in some), megabytes)}
     rates["parsing"] = _rate(lambda: files.extend(read_bvh(text, "clip") for text in texts), megabytes)
     rates["poses"] = _rate(lambda: figures.extend(motion_of(file, trim_first="auto") for file in files), megabytes)
-    rates["quality"] = _rate(lambda: [measure_quality(s, m, places_of(s, m)) for s, m, _ in figures], megabytes)
+    rates["quality"] = _rate(lambda: [measure_quality(s, m, positions_of(s, m)) for s, m, _ in figures], megabytes)
     return rates
 
 

@@ -66,16 +66,16 @@ class Motion:
     @cached_property
     def local_rotations(self) -> np.ndarray:
         """(T, J, 4) float64 unit quaternions xyzw, each in its parent's frame."""
-        from stages.shared.formats.figure import local_rotations_of
+        from stages.shared.kinematics.forward_numpy import local_rotations_of
 
         return _read_only(local_rotations_of(self.skeleton, self.record))
 
     @cached_property
     def positions(self) -> np.ndarray:
         """(T, J, 3) float64 metres: the joints in the world."""
-        from stages.shared.formats.figure import places_of
+        from stages.shared.kinematics.forward_numpy import positions_of
 
-        return _read_only(places_of(self.skeleton, self.record))
+        return _read_only(positions_of(self.skeleton, self.record))
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:

@@ -14,11 +14,11 @@ from multiprocessing.context import BaseContext
 from data_schemas.errors import InputError, PumpsError
 from data_schemas.notes import Flag, Note, note
 from data_schemas.quality import MotionQuality
-from stages.shared.formats.bvh_motion import places_of
 from stages.shared.formats.readers import AUTO, format_named, read_recordings, recognise
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.sources import Source
 from stages.shared.humanoid.motion_quality import measure_quality
+from stages.shared.kinematics.forward_numpy import positions_of
 
 LEAST_FRAMES = 2
 _BATCH_BYTES = 2 << 20
@@ -90,7 +90,7 @@ def read_one(job: Job) -> Outcome:
 def quality_of(recording: Recording) -> MotionQuality:
     """Measures of the clip (`data_schemas.quality`)."""
     skeleton, motion = recording.skeleton, recording.motion
-    return measure_quality(skeleton, motion, places_of(skeleton, motion), recording.repaired_frames)
+    return measure_quality(skeleton, motion, positions_of(skeleton, motion), recording.repaired_frames)
 
 
 def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:

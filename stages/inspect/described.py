@@ -13,9 +13,9 @@ from data_schemas.notes import sentences_of
 from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Motion, Skeleton
 from stages.inspect.suspicions import suspicions_of
 from stages.shared.formats.bvh import BvhFile, BvhJoint
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.recording import Recording
 from stages.shared.humanoid.anatomy import RigAnatomy, anatomy_of, direction_name
+from stages.shared.kinematics.forward_numpy import positions_of
 
 _SHORT = {"Xposition": "x", "Yposition": "y", "Zposition": "z", "Xrotation": "X", "Yrotation": "Y", "Zrotation": "Z"}
 _SPACING_S = 0.2
@@ -65,7 +65,7 @@ def describe_recording(recording: Recording, bvh: BvhFile | None, *, mapped: boo
         mapped: True if the body parts come from a skeleton map of the user's.
     """
     skeleton, motion = recording.skeleton, recording.motion
-    places = places_of(skeleton, motion)
+    places = positions_of(skeleton, motion)
     step = max(1, round(_SPACING_S * motion.fps), -(-motion.frames // _MOST_POSES))
     poses = slice(0, None, step)
     anatomy = anatomy_of(

@@ -17,7 +17,7 @@ from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import places_of
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.glb_reading import read_glb
 from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _expected(path: Path) -> tuple[tuple[str, ...], np.ndarray]:
     skeleton, motion, _ = motion_of(read_bvh(path.read_bytes(), path.name))
-    return skeleton.names, places_of(skeleton, motion)
+    return skeleton.names, positions_of(skeleton, motion)
 
 
 @pytest.mark.parametrize("source", ["walk.bvh", "motion"])
@@ -127,7 +127,7 @@ def test_another_header_of_the_same_rig(folder: Path, tmp_path: Path) -> None:
     assert skeleton.unit_m == 1.0 and skeleton.up_axis == "z"
     names, places = _expected(folder / "walk.bvh")
     order = [skeleton.names.index(name) for name in names]
-    assert np.abs(places_of(skeleton, motion)[:, order] - places).max() < 1e-4
+    assert np.abs(positions_of(skeleton, motion)[:, order] - places).max() < 1e-4
 
 
 def test_a_rig_of_other_lengths_keeps_them_and_says_so(folder: Path, tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from data_schemas.motion import MotionReader
 from data_schemas.source_table import read_sources
 from stages.ingest.config import Config
 from stages.ingest.run import run
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.readers import format_named, read_recordings
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.sources import find_sources
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.asf_texts import worst_beside_pyacclaim
 
 ARCHIVE = Path(__file__).parents[2] / ".." / "shared" / "data" / "cmu-asfamc.zip"
@@ -47,5 +47,5 @@ def test_both_subjects_are_read(tmp_path: Path) -> None:
             assert skeleton.unit_m == pytest.approx(0.0254 / 0.45) and skeleton.joints == 31
             counts = np.bincount(skeleton.groups[skeleton.sampled], minlength=5)
             assert counts[1] == counts[2] and counts[3] == counts[4] and (counts > 0).all()
-            heads = places_of(skeleton, motion)
+            heads = positions_of(skeleton, motion)
             assert 1.2 < np.percentile(np.ptp(heads[..., 1], axis=1), 90) < 2.2

@@ -11,8 +11,8 @@ from stages.export.config import Config
 from stages.export.run import run
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.sources import find_sources, source_named
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.glb_reading import read_glb
 
 DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
@@ -24,13 +24,13 @@ pytestmark = [pytest.mark.real, pytest.mark.skipif(not DATA.is_dir(), reason="no
 def test_joints_stay_where_they_are(archive: str, tmp_path: Path) -> None:
     source = min(find_sources([str(DATA / archive)]), key=lambda source: source.size)
     skeleton, motion, _ = motion_of(read_bvh(source_named(source.name).read(), source.member))
-    places = places_of(skeleton, motion)
+    places = positions_of(skeleton, motion)
     for suffix in ("glb", "bvh"):
         run(Config(input=source.name, output=tmp_path / f"clip.{suffix}"))
     found = read_glb((tmp_path / "clip.glb").read_bytes()).world()[1][:, : skeleton.joints]
     assert np.abs(found - places).max() < 1e-4
     again, moved, _ = motion_of(read_bvh((tmp_path / "clip.bvh").read_bytes(), "clip"))
-    assert np.abs(places_of(again, moved) - places).max() < 1e-4
+    assert np.abs(positions_of(again, moved) - places).max() < 1e-4
     pytest.importorskip("pymotion")
     from pymotion.io.bvh import BVH
     from pymotion.ops.skeleton import fk

@@ -10,8 +10,9 @@ import pytest
 
 from stages.ingest.doubts import TOGETHER
 from stages.shared.formats.bvh import read_bvh
-from stages.shared.formats.bvh_motion import motion_of, places_of
+from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.humanoid.motion_quality import measure_quality
+from stages.shared.kinematics.forward_numpy import positions_of
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 
@@ -28,7 +29,7 @@ def _speeds(archive: str, folder: str, count: int, fps: float | None) -> list[fl
         for member in members:
             bvh = read_bvh(opened.read(member), member)
             skeleton, motion, _ = motion_of(bvh, fps_override=fps, trim_first="auto")
-            found = measure_quality(skeleton, motion, places_of(skeleton, motion))
+            found = measure_quality(skeleton, motion, positions_of(skeleton, motion))
             assert not found.swapped and found.flips == 0
             speeds.append(found.speed_log2 or 0.0)
     return speeds

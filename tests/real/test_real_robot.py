@@ -16,11 +16,11 @@ from stages.ingest.config import Config
 from stages.ingest.run import run
 from stages.retarget.config import Config as RetargetConfig
 from stages.retarget.run import run as retarget
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.readers import read_recordings, recognise
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.robot_rig import robot_named
 from stages.shared.formats.sources import source_named
+from stages.shared.kinematics.forward_numpy import positions_of
 
 CLIPS = Path(__file__).parents[2] / "stages" / "shared" / "clips"
 DATA = Path(__file__).parents[2] / ".." / "shared" / "data"
@@ -45,7 +45,7 @@ def _read(member: str) -> Recording:
 def test_angles_and_bvh_are_one_motion_on_one_rig(name: str) -> None:
     angles, bvh = _read(f"csv/{name}.csv"), _read(f"{name}.bvh")
     assert skeleton_id(angles.skeleton) == skeleton_id(bvh.skeleton)
-    apart = places_of(angles.skeleton, angles.motion) - places_of(bvh.skeleton, bvh.motion)
+    apart = positions_of(angles.skeleton, angles.motion) - positions_of(bvh.skeleton, bvh.motion)
     assert np.linalg.norm(apart, axis=-1).max() < 1e-4  # the BVH's places are rounded to 0.1 mm
     alike = np.abs((angles.motion.rotations * bvh.motion.rotations).sum(-1))
     assert np.rad2deg(2 * np.arccos(np.clip(alike.astype(float), 0, 1))).max() < 0.06

@@ -13,10 +13,10 @@ from stages.retarget.config import Config
 from stages.retarget.run import run
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of, read_bvh_motion
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.robot_csv import read_robot_csv
 from stages.shared.formats.robot_rig import robot_rig
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.robot_files import RobotText
 
 WALK = Path(stages.shared.clips.__file__).parent / "walk.bvh"
@@ -37,7 +37,7 @@ def test_a_walk_becomes_angles_whose_limbs_end_where_free_joints_put_them(urdf: 
     asked = Asked(rig=urdf.read_bytes(), rig_name="robot.urdf", fps_override=bvh.motion.fps)
     (robot,) = read_robot_csv(angles.read_bytes(), "angles.csv", asked)
     feet = [robot.skeleton.names.index(f"{side}_ankle") for side in ("left", "right")]
-    apart = places_of(robot.skeleton, robot.motion) - places_of(bvh.skeleton, bvh.motion)
+    apart = positions_of(robot.skeleton, robot.motion) - positions_of(bvh.skeleton, bvh.motion)
     assert np.linalg.norm(apart, axis=-1)[:, feet].mean() < 0.015  # its trunk and arms can do little
     steps = np.abs(np.diff(np.loadtxt(angles, delimiter=",")[:, 7:], axis=0))
     assert steps.max() < np.radians(30)

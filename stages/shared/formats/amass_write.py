@@ -14,9 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.formats.figure import local_rotations_of, places_of
 from stages.shared.formats.smpl import LAYOUTS, neutral_joints, parents_of
 from stages.shared.humanoid.reference_pose import turn_to_y_up
+from stages.shared.kinematics.forward_numpy import local_rotations_of, positions_of
 
 NOT_SMPL = "none: joint_names, parents and offsets are the rig's own"
 _LIKE_SMPL = 0.8  # least cosine between a bone at rest and the same bone of the neutral body
@@ -46,7 +46,7 @@ def amass_of_motion(skeleton: Skeleton, motion: Motion, licence: str = "") -> tu
     """The bytes of an AMASS-like file, and what is not written to it, one sentence each."""
     local = local_rotations_of(skeleton, motion)
     local[:, skeleton.root] = motion.rotations[:, skeleton.root]
-    pelvis = places_of(skeleton, motion)[:, skeleton.root]
+    pelvis = positions_of(skeleton, motion)[:, skeleton.root]
     z_up = turn_to_y_up("z")
     assert z_up is not None
     local[:, skeleton.root] = (z_up.inv() * Rotation.from_quat(local[:, skeleton.root])).as_quat()

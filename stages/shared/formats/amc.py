@@ -16,6 +16,7 @@ from stages.shared.formats.asf import AsfBone, AsfSkeleton, read_asf
 from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.recording import Asked, Recording, recording_of
 from stages.shared.humanoid.reference_pose import PLAUSIBLE_STATURE_M
+from stages.shared.kinematics.rotations import CONJUGATE, multiply
 
 USUAL_FPS = 120.0  # CMU's rate; few AMC files state one
 _BLOCK = 1 << 20
@@ -256,13 +257,13 @@ def _poses(skeleton: AsfSkeleton, motion: AmcMotion, fps: float) -> Poses:
         moved = _about_fixed_axes(angles, "".join(bone.channels[i][1] for i in turning))
         tilt = _about_fixed_axes(np.array([[bone.axis["xyz".index(a)] for a in bone.axis_order]]), bone.axis_order)
         if bone.parent < 0:
-            local[:, 0] = euler.multiply(moved, tilt)
+            local[:, 0] = multiply(moved, tilt)
             for i, channel in enumerate(bone.channels):
                 if channel.startswith("t"):
                     root[:, "xyz".index(channel[1])] += columns[:, i]
         else:
-            back = tilt * np.array([-1.0, -1.0, -1.0, 1.0])
-            local[:, place[bone.name]] = euler.multiply(euler.multiply(tilt, moved), back)
+            back = tilt * CONJUGATE
+            local[:, place[bone.name]] = multiply(multiply(tilt, moved), back)
     return Poses(local, root, fps)
 
 

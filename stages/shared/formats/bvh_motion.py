@@ -16,11 +16,11 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
 from stages.shared.formats.bvh_rows import layout_of, local_quaternions, values_of
-from stages.shared.formats.figure import Body, Poses, Rig, ancestors, body_of, motion_of_poses, places_of
+from stages.shared.formats.figure import Body, Poses, Rig, ancestors, body_of, motion_of_poses
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.skeleton_map import SkeletonMap
 
-__all__ = ["motion_of", "places_of", "rate_of", "read_bvh_motion", "rig_and_poses", "values_of"]
+__all__ = ["motion_of", "rate_of", "read_bvh_motion", "rig_and_poses", "values_of"]
 
 STILL_M = 1e-4  # a position that moves less than this is constant: exporters write rounding noise
 

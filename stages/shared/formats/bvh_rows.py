@@ -12,6 +12,8 @@ from stages.shared.formats import euler
 from stages.shared.formats.bvh import BvhFile
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
 from stages.shared.humanoid.reference_pose import turn_to_y_up
+from stages.shared.kinematics.forward_numpy import local_rotations
+from stages.shared.kinematics.rotations import multiply
 
 _LONG_FRAMES = 1000
 
@@ -88,12 +90,9 @@ def values_of(bvh: BvhFile, skeleton: Skeleton, motion: Motion, near: np.ndarray
     roots = motion.root_positions.astype(np.float64)
     turn = turn_to_y_up(skeleton.up_axis)
     if turn is not None:
-        rotations = euler.multiply(turn.inv().as_quat(), rotations)
+        rotations = multiply(turn.inv().as_quat(), rotations)
         roots = turn.inv().apply(roots)
-    local = rotations.copy()
-    inverse = rotations[:, skeleton.parents[1:]] * np.array([-1.0, -1.0, -1.0, 1.0])
-    local[:, 1:] = euler.multiply(inverse, rotations[:, 1:])
-    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    local = local_rotations(rotations, skeleton.parents)
     out = np.empty((frames, columns))
     for order, indices, columns in layout_of(bvh.joints).rotations:
         for joint, at in zip(indices, columns, strict=True):

@@ -35,37 +35,6 @@ def quaternion_parts(angles: np.ndarray, axes: str) -> np.ndarray:
     return parts
 
 
-def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Products of quaternions (..., 4) xyzw."""
-    return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(right, -1, 0)), 0, -1)
-
-
-def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Products of quaternions given by components (4, ...)."""
-    x1, y1, z1, w1 = left
-    x2, y2, z2, w2 = right
-    return np.stack(
-        [
-            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
-            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
-            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
-            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
-        ]
-    )
-
-
-def rotate(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by unit quaternions (..., 4) xyzw."""
-    x, y, z, w = (quaternions[..., i] for i in range(4))
-    a, b, c = (vectors[..., i] for i in range(3))
-    # v + 2 w (q x v) + 2 q x (q x v), written out: on small arrays np.cross alone takes longer than all of this.
-    p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return np.stack(
-        [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
-        axis=-1,
-    )
-
-
 def angles_near(rotations: np.ndarray, axes: str, near: np.ndarray) -> np.ndarray:
     """Channel angles of rotations: in each frame those nearest to `near` or, where that is NaN, to the frame before.
 

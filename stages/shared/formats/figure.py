@@ -16,12 +16,13 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.formats import euler
 from stages.shared.formats.skeleton_map import SkeletonMap, choose_map, parts_of_map
 from stages.shared.humanoid import reference_pose
 from stages.shared.humanoid.body_groups import BodyParts, find_body_parts
 from stages.shared.humanoid.facing import BodyPoses, bone_tips, find_sides, stands_on_four_feet
 from stages.shared.humanoid.joint_names import has_a_tail
+from stages.shared.kinematics.forward_numpy import global_rotations, joint_positions
+from stages.shared.kinematics.rotations import continuous_signs, multiply
 
 _GUIDE_FRAMES = 16
 _TRIM_LOOKAHEAD = 32
@@ -160,17 +161,17 @@ def motion_of_poses(
     if rest_frame is not None and not 0 <= rest_frame < frames:
         raise InputError(f"Rest frame {rest_frame} is outside of its frames 0 to {frames - 1}.")
     # Global rotations of a short clip are computed once; those of a long one in blocks, which limits the memory.
-    whole = _chain(poses.local, body.parents) if frames <= _BLOCK else None
+    whole = global_rotations(poses.local, body.parents) if frames <= _BLOCK else None
 
     def rotations_at(index: np.ndarray) -> np.ndarray:
-        return _chain(poses.local[index], body.parents) if whole is None else whole[index]
+        return global_rotations(poses.local[index], body.parents) if whole is None else whole[index]
 
     guides = _guide_frames(frames) if rest_frame is None else np.array([rest_frame])
     opening = np.arange(min(_TRIM_LOOKAHEAD, frames))
     looked_at = np.concatenate([opening, guides])
-    world = _world_positions(
-        body.offsets, poses.root[looked_at], poses.moving, poses.tracks[looked_at] if len(poses.moving) else None,
-        rotations_at(looked_at), body.parents,
+    world = joint_positions(
+        rotations_at(looked_at), poses.root[looked_at], body.offsets, body.parents,
+        poses.moving, poses.tracks[looked_at] if len(poses.moving) else None,
     )  # fmt: skip
     world, opening_world = world[len(opening) :], world[: len(opening)] * body.unit_m
     parts = body.parts
@@ -210,13 +211,11 @@ def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whol
     """(T, J, 4) float32 global rotations, turned to Y up, sign-continuous; `whole`: they, if computed already."""
     out = np.empty(local.shape, np.float32)
     for start in range(0, len(local), _BLOCK):
-        block = _chain(local[start : start + _BLOCK], parents) if whole is None else whole
+        block = global_rotations(local[start : start + _BLOCK], parents) if whole is None else whole
         if turn is not None:
-            block = euler.multiply(turn.as_quat(), block)
-        block = _continuous(block)
-        if start:
-            block *= np.where((block[0] * out[start - 1]).sum(axis=-1, keepdims=True) < 0, -1.0, 1.0)
-        out[start : start + len(block)] = block
+            block = multiply(turn.as_quat(), block)
+        before = out[start - 1 : start] if start else block[:0]
+        out[start : start + len(block)] = continuous_signs(np.concatenate([before, block]))[len(before) :]
     return out
 
 
@@ -230,7 +229,7 @@ def _body_poses(
     seen = np.arange(min(1, frames - 1), frames, step) if rest_frame is None else np.array([rest_frame])
     tracks = poses.tracks[seen] if len(poses.moving) else None
     rotations = rotations_at(seen)
-    heads = _world_positions(body.offsets, poses.root[seen], poses.moving, tracks, rotations, body.parents)
+    heads = joint_positions(rotations, poses.root[seen], body.offsets, body.parents, poses.moving, tracks)
     return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.told), step / poses.fps)
 
 
@@ -251,74 +250,9 @@ def _skeleton(header: str, body: Body, parts: BodyParts, up_axis: str) -> Skelet
     )
 
 
-def _chain(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Global rotations (T, J, 4) float64 of local ones, one level of the tree at a time."""
-    parts = local.astype(np.float64, copy=False).transpose(2, 1, 0)
-    out = parts.copy()
-    for level in _levels(parents.tobytes()):
-        out[:, level] = euler.multiply_parts(out[:, parents[level]], parts[:, level])
-    return out.transpose(2, 1, 0)
-
-
-@lru_cache(maxsize=64)
-def _levels(parents_bytes: bytes) -> list[np.ndarray]:
-    """Joints below joint 0, grouped by their depth, parents before children."""
-    parents = np.frombuffer(parents_bytes, np.int32)
-    depth = np.zeros(len(parents), int)
-    for joint in range(1, len(parents)):
-        depth[joint] = depth[parents[joint]] + 1
-    return [np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1)]
-
-
-def places_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
-    """(T, J, 3) float64 joint heads in the world, metres. NumPy, so that readers need not load torch."""
-    return _world_positions(
-        skeleton.offsets, motion.root_positions, motion.track_joints.tolist(), motion.tracks,
-        motion.rotations.astype(np.float64), skeleton.parents,
-    )  # fmt: skip
-
-
-def local_rotations_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
-    """(T, J, 4) float64 unit rotations in the parents' frames, xyzw, continuous in sign; joint 0's in the world."""
-    rotations = motion.rotations.astype(np.float64)
-    local = rotations.copy()
-    inverse = rotations[:, skeleton.parents[1:]] * (-1.0, -1.0, -1.0, 1.0)
-    local[:, 1:] = euler.multiply(inverse, rotations[:, 1:])
-    return _continuous(local / np.linalg.norm(local, axis=-1, keepdims=True))
-
-
-def _world_positions(
-    offsets: np.ndarray,
-    root: np.ndarray,
-    moving: Sequence[int],
-    tracks: np.ndarray | None,
-    rotations: np.ndarray,
-    parents: np.ndarray,
-) -> np.ndarray:
-    """(F, J, 3) joint heads in the world, in the offsets' unit and axes."""
-    out = np.zeros((len(rotations), len(parents), 3))
-    steps = np.tile(offsets, (len(rotations), 1, 1))
-    if len(moving):
-        steps[:, list(moving)] = tracks
-    out[:, 0] = root
-    for level in _levels(parents.tobytes()):
-        above = parents[level]
-        out[:, level] = out[:, above] + euler.rotate(rotations[:, above], steps[:, level])
-    return out
-
-
 def _guide_frames(frames: int) -> np.ndarray:
     """A few frames over the whole clip, without frame 0 if there are others: it may be a calibration pose."""
     return np.unique(np.linspace(min(1, frames - 1), frames - 1, _GUIDE_FRAMES).astype(int))
-
-
-def _continuous(rotations: np.ndarray) -> np.ndarray:
-    """Flip signs so that each quaternion has a dot product of 0 or more with the one before it in time."""
-    parts = rotations.transpose(2, 1, 0)
-    agree = (parts[..., 1:] * parts[..., :-1]).sum(axis=0)
-    flips = np.where(agree < 0, -1.0, 1.0).cumprod(axis=1)
-    parts[..., 1:] *= flips
-    return parts.transpose(2, 1, 0)
 
 
 def _frames_to_trim(frames: int, opening: np.ndarray, trim_first: str | int) -> int:

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
-from stages.shared.formats import euler
 from stages.shared.formats.bvh_header_write import plain_names
 from stages.shared.formats.bvh_motion import rate_of
 from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.gltf import Document, reading_gltf
 from stages.shared.formats.gltf_sampling import Track, sampled
 from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, recording_of
+from stages.shared.kinematics.rotations import multiply, rotate
 
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 _SCALE_SLACK = 2e-3
@@ -211,8 +211,8 @@ def _upwards(nodes: _Nodes, node: int, name: str) -> list[int]:
 def _placement(document: Document, nodes: _Nodes, above: list[int]) -> tuple[np.ndarray, float, np.ndarray]:
     turn, scale, place = np.array([0.0, 0.0, 0.0, 1.0]), 1.0, np.zeros(3)
     for node in reversed(above):
-        place = place + scale * euler.rotate(turn, nodes[node].translation)
-        turn = euler.multiply(turn, nodes[node].rotation)
+        place = place + scale * rotate(turn, nodes[node].translation)
+        turn = multiply(turn, nodes[node].rotation)
         scale *= _even_scale(nodes[node].scale[None], f"{document.name}: node '{nodes[node].name[:60]}'")
     return turn, scale, place
 
@@ -249,8 +249,8 @@ def _figure(
         places[:, index] = size * (rest.translation if translation is None else sampled(translation, times))
         own = rest.scale[None] if scale is None else scale.values
         scales[index] = size * _even_scale(own, f"{document.name}: node '{rest.name[:60]}'")
-    local[:, 0] = euler.multiply(turn, local[:, 0])
-    root = place + euler.rotate(turn, places[:, 0])
+    local[:, 0] = multiply(turn, local[:, 0])
+    root = place + rotate(turn, places[:, 0])
     offsets = places.mean(axis=0)
     offsets[0] = 0.0
     size = max(float(np.linalg.norm(offsets, axis=1).sum()), 1e-9) / 10

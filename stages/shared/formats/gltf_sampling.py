@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import InputError
+from stages.shared.kinematics.rotations import slerp
 
 _HAIR_S = 1e-4
 
@@ -60,25 +61,11 @@ def sampled(track: Track, times: np.ndarray) -> np.ndarray:
             + (3 * square - 2 * cube) * keys[right] + span[:, None] * (cube - square) * into[right]
         )  # fmt: skip
     elif track.width == 4:
-        values = _slerp(keys[left], keys[right], share)
+        keys = keys / np.linalg.norm(keys, axis=1, keepdims=True)
+        values = slerp(keys[left], keys[right], share)
     else:
         values = keys[left] + share * (keys[right] - keys[left])
     if track.width == 4:
         values = np.where(np.linalg.norm(values, axis=1, keepdims=True) > 1e-6, values, keys[left])
         values = values / np.linalg.norm(values, axis=1, keepdims=True)
     return values
-
-
-def _slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Spherical interpolation between quaternions (T, 4) along the shorter arc; `share` (T, 1)."""
-    first = first / np.linalg.norm(first, axis=1, keepdims=True)
-    second = second / np.linalg.norm(second, axis=1, keepdims=True)
-    cosine = (first * second).sum(axis=1, keepdims=True)
-    second = np.where(cosine < 0, -second, second)
-    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
-    sine = np.sin(angle)
-    near = sine < 1e-6
-    safe = np.where(near, 1.0, sine)
-    a = np.where(near, 1 - share, np.sin((1 - share) * angle) / safe)
-    b = np.where(near, share, np.sin(share * angle) / safe)
-    return a * first + b * second

@@ -14,9 +14,9 @@ import pygltflib as gltf
 from data_schemas.errors import PumpsError
 from data_schemas.skeleton import NO_GROUP, Motion, Skeleton
 from data_schemas.version import PUMPS_VERSION
-from stages.shared.formats import euler
-from stages.shared.formats.figure import local_rotations_of
 from stages.shared.humanoid.reference_pose import turn_to_y_up
+from stages.shared.kinematics.forward_numpy import local_rotations_of
+from stages.shared.kinematics.rotations import CONJUGATE, multiply, rotate
 
 _LEAST_BONE_M = 0.01
 _WAIST = 0.1  # of a bone's length: where its octahedron is widest, and how wide
@@ -90,8 +90,8 @@ def _world(parents: np.ndarray, places: np.ndarray, turns: np.ndarray) -> tuple[
     out_turns, out_places = turns.copy(), places.copy()
     for joint in range(1, len(parents)):
         above = parents[joint]
-        out_turns[joint] = euler.multiply(out_turns[above], turns[joint])
-        out_places[joint] = out_places[above] + euler.rotate(out_turns[above], places[joint])
+        out_turns[joint] = multiply(out_turns[above], turns[joint])
+        out_places[joint] = out_places[above] + rotate(out_turns[above], places[joint])
     return out_turns, out_places
 
 
@@ -125,12 +125,12 @@ class _Document:
         return len(self.out.accessors) - 1
 
     def add_skin(self, skeleton: Skeleton, turns: np.ndarray, places: np.ndarray) -> None:
-        inverse = turns * (-1.0, -1.0, -1.0, 1.0)
+        inverse = turns * CONJUGATE
         matrices = np.zeros((skeleton.joints, 4, 4))
         for row in range(3):  # columns of the inverse rotation; glTF's matrices are column-major
             axis = np.tile(np.eye(3)[row], (skeleton.joints, 1))
-            matrices[:, row, :3] = euler.rotate(inverse, axis)
-        matrices[:, 3, :3] = -euler.rotate(inverse, places)
+            matrices[:, row, :3] = rotate(inverse, axis)
+        matrices[:, 3, :3] = -rotate(inverse, places)
         matrices[:, 3, 3] = 1.0
         accessor = self.add(matrices.reshape(-1, 16).astype(np.float32))
         self.out.skins = [
@@ -141,8 +141,8 @@ class _Document:
         corners, normals = _octahedra(skeleton.tails)
         each = len(corners[0])
         joints = np.repeat(np.arange(skeleton.joints), each)
-        points = euler.rotate(turns[joints], corners.reshape(-1, 3)) + places[joints]
-        normals = euler.rotate(turns[joints], normals.reshape(-1, 3))
+        points = rotate(turns[joints], corners.reshape(-1, 3)) + places[joints]
+        normals = rotate(turns[joints], normals.reshape(-1, 3))
         bones = np.zeros((len(joints), 4), np.uint16 if skeleton.joints > 255 else np.uint8)
         bones[:, 0] = joints
         weights = np.zeros((len(joints), 4), np.float32)

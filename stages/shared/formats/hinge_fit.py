@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stages.shared.formats import euler
 from stages.shared.formats.hinges import Hinges, turned_about
+from stages.shared.kinematics.rotations import CONJUGATE, multiply, rotate, shorter_way
 
 LEFT_OVER_RAD = 2e-3  # a smaller rotation about other axes is a rounding error
 ROUNDS = 30
@@ -34,7 +34,6 @@ _FIRST_DAMPING = 1e-3
 _ENOUGH = 1e-3  # least relative gain of a round after which there is another one
 _RUN = 2000  # most frames that are optimised together
 _BLOCK = 256  # frames whose derivatives are held at once
-_CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -99,8 +98,8 @@ def _own_turns(hinges: Hinges, rotations: np.ndarray) -> tuple[np.ndarray, np.nd
     made = np.empty_like(rotations)
     made[:, 0] = rotations[:, 0]
     for joint in range(1, rotations.shape[1]):
-        above = euler.multiply(made[:, hinges.parents[joint]], hinges.at_zero[joint])
-        left = euler.multiply(above * _CONJUGATE, rotations[:, joint])
+        above = multiply(made[:, hinges.parents[joint]], hinges.at_zero[joint])
+        left = multiply(above * CONJUGATE, rotations[:, joint])
         column, axis = hinges.columns[joint], hinges.axes[joint]
         if column < 0:
             turn = np.zeros(frames)
@@ -111,8 +110,8 @@ def _own_turns(hinges: Hinges, rotations: np.ndarray) -> tuple[np.ndarray, np.nd
         else:
             turn = angles[:, column] * hinges.factors[joint] + hinges.shifts[joint]
         done = turned_about(axis, turn)
-        made[:, joint] = euler.multiply(above, done)
-        rest = euler.multiply(done * _CONJUGATE, left)
+        made[:, joint] = multiply(above, done)
+        rest = multiply(done * CONJUGATE, left)
         if column >= 0:
             swing = 2 * np.arctan2(np.linalg.norm(rest[:, :3], axis=1), np.abs(rest[:, 3]))
             left_over = np.maximum(left_over, swing)
@@ -234,8 +233,8 @@ class _Run:
     def _errors(self, angles: np.ndarray, some: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Errors (F, 6 J) of heads' places and of weighted directions, in metres; heads; rotations."""
         heads, made = self.hinges.poses(self.rotations[some, 0], angles[some])
-        apart = euler.multiply(self.rotations[some], made * _CONJUGATE)
-        directions = 2 * apart[..., :3] * np.where(apart[..., 3:] < 0, -1.0, 1.0) * self.weights[:, None]
+        apart = multiply(self.rotations[some], made * CONJUGATE)
+        directions = 2 * shorter_way(apart)[..., :3] * self.weights[:, None]
         missing = (self.wanted[some] - heads) * self.place_weights[:, None]
         errors = np.concatenate([missing, directions], axis=-1)
         return errors.reshape(len(heads), -1), heads, made
@@ -244,7 +243,7 @@ class _Run:
         """(F, M, 6 J) negative derivative of each error by each angle."""
         hinges = self.hinges
         frames, joints = heads.shape[:2]
-        axes = euler.rotate(made, hinges.axes) * hinges.factors[:, None]
+        axes = rotate(made, hinges.axes) * hinges.factors[:, None]
         out = np.zeros((frames, len(hinges.limits), joints, 6))
         for joint in np.flatnonzero(hinges.columns >= 0):
             below = np.flatnonzero(hinges.reaches[joint])

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from stages.shared.formats import euler
+from stages.shared.kinematics.forward_numpy import global_rotations, joint_positions
+from stages.shared.kinematics.rotations import multiply
 
 
 @dataclass(frozen=True)
@@ -64,24 +65,18 @@ class Hinges:
 
     def local_rotations(self, angles: np.ndarray) -> np.ndarray:
         """(T, J, 4) rotations in the parents' frames, of angles (T, M); joint 0's is the identity."""
-        return euler.multiply(self.at_zero, turned_about(self.axes, self.turns(angles)))
+        return multiply(self.at_zero, turned_about(self.axes, self.turns(angles)))
 
     def poses(self, root: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Heads (T, J, 3) beside joint 0 and global rotations (T, J, 4), of joint 0's rotations (T, 4) and angles."""
         local = self.local_rotations(angles)
-        made = np.empty_like(local)
-        made[:, 0] = root
-        for joint in range(1, local.shape[1]):
-            made[:, joint] = euler.multiply(made[:, self.parents[joint]], local[:, joint])
+        local[:, 0] = root
+        made = global_rotations(local, self.parents)
         return self.heads(made), made
 
     def heads(self, rotations: np.ndarray) -> np.ndarray:
         """(T, J, 3) places beside joint 0's, of global rotations (T, J, 4)."""
-        out = np.zeros((*rotations.shape[:2], 3))
-        for joint in range(1, rotations.shape[1]):
-            above = self.parents[joint]
-            out[:, joint] = out[:, above] + euler.rotate(rotations[:, above], self.offsets[joint])
-        return out
+        return joint_positions(rotations, np.zeros(3), self.offsets, self.parents)
 
     def beyond(self, angles: np.ndarray, slack_rad: float = 1e-5) -> np.ndarray:
         """(T, M) bool, True where an angle lies outside of its limits."""

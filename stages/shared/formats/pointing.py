@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stages.shared.formats import euler
+from stages.shared.kinematics.rotations import CONJUGATE, multiply, rotate, smallest_turn
 
 _SAME = 1e-9
 _PRIOR = 1e-5  # weight of the parent's rotation beside the bones, for what they leave undetermined
@@ -48,7 +48,7 @@ def _pointed(rest: np.ndarray, parents: Sequence[int], positions: np.ndarray, me
         above = turned[:, parent] if parent >= 0 else np.tile([0.0, 0.0, 0.0, 1.0], (len(positions), 1))
         bones = _seen_bones(joint, rest, children, measured) if measured[joint] else []
         turned[:, joint] = _turned(bones, above, positions, joint)
-        local[:, joint] = euler.multiply(above * np.array([-1.0, -1.0, -1.0, 1.0]), turned[:, joint])
+        local[:, joint] = multiply(above * CONJUGATE, turned[:, joint])
     return local
 
 
@@ -82,23 +82,9 @@ def _turned(
     weights = np.array([weight for *_, weight in bones])
     if len(bones) == 1 or np.linalg.svd(places, compute_uv=False)[1] < 0.05:  # all on one line
         longest = int(np.argmax(weights))
-        return euler.multiply(_least_turn(euler.rotate(above, places[longest]), aims[:, longest]), above)
+        return multiply(smallest_turn(rotate(above, places[longest]), aims[:, longest]), above)
     spread = np.einsum("n,tni,nj->tij", weights / weights.sum(), aims, places)
     spread += _PRIOR * Rotation.from_quat(above).as_matrix()
     left, _, right = np.linalg.svd(spread)
     left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
     return Rotation.from_matrix(left @ right).as_quat()
-
-
-def _least_turn(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(T, 4) smallest rotations from unit vectors (T, 3) to others; no rotation where a target has no length."""
-    cross = np.cross(source, target)
-    half = 1.0 + (source * target).sum(axis=1)
-    quaternions = np.concatenate([cross, half[:, None]], axis=1)
-    opposite = half < 1e-8
-    if opposite.any():  # half a turn about any axis across
-        across = np.cross(source[opposite], np.eye(3)[np.abs(source[opposite]).argmin(axis=1)])
-        quaternions[opposite, :3] = across
-        quaternions[opposite, 3] = 0.0
-    quaternions[~target.any(axis=1)] = [0.0, 0.0, 0.0, 1.0]
-    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)

@@ -11,6 +11,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.hinge_fit import fit_hinges
 from stages.shared.formats.robot_rig import TO_ROBOT, RobotRig
 from stages.shared.formats.robot_table import USUAL_DECIMALS, lines_of_rows
+from stages.shared.kinematics.rotations import continuous_signs
 
 _SAME_PLACE_M = 5e-3
 _FAULTS_SHOWN = 8
@@ -47,7 +48,7 @@ def rows_of_motion(
     rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)
     found = fit_hinges(rig.hinges, rotations, motion.fps, limited=limited)
     root = rotations[:, 0][:, (*TO_ROBOT, 3)]
-    root = root * _signs(root)
+    root = continuous_signs(root if root[0, 3] >= 0 else -root)
     values = np.hstack([motion.root_positions.astype(np.float64)[:, TO_ROBOT], root, found.angles])
     beyond = found.held if limited else rig.hinges.beyond(found.angles)
     return RobotRows(values, beyond, found.off_m, found.fitted)
@@ -108,10 +109,3 @@ def _joints_of(rig: RobotRig, skeleton: Skeleton, name: str) -> list[int]:
             "`pumps retarget --to` the URDF puts it there.",
         )
     return order
-
-
-def _signs(quaternions: np.ndarray) -> np.ndarray:
-    """(T, 1) of 1 and -1 that make quaternions (T, 4) continuous in time, the first with w of 0 or more."""
-    agree = (quaternions[1:] * quaternions[:-1]).sum(axis=1)
-    signs = np.cumprod(np.concatenate([[1.0 if quaternions[0, 3] >= 0 else -1.0], np.where(agree < 0, -1.0, 1.0)]))
-    return signs[:, None]

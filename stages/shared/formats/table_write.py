@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
-from stages.shared.formats.figure import places_of
+from stages.shared.kinematics.forward_numpy import positions_of
 
 VALUES = ("both", "positions", "rotations")
 _PLACES = ("x", "y", "z")
@@ -28,7 +28,9 @@ def csv_of_motion(skeleton: Skeleton, motion: Motion, values: str = "both", deci
         values: one of VALUES; `pumps ingest positions` reads a table of positions only.
     """
     chosen = {"both": (_PLACES, _TURNS), "positions": (_PLACES,), "rotations": (_TURNS,)}[values]
-    blocks = [places_of(skeleton, motion) if axes is _PLACES else motion.rotations.astype(float) for axes in chosen]
+    blocks = [
+        positions_of(skeleton, motion) if axes is _PLACES else motion.rotations.astype(float) for axes in chosen
+    ]
     table = np.concatenate(blocks, axis=-1).reshape(motion.frames, -1)
     columns = ["frame", "time", *(f"{name}.{axis}" for name in skeleton.names for axes in chosen for axis in axes)]
     out = io.StringIO(newline="")
@@ -47,7 +49,7 @@ def parquet_of_motion(skeleton: Skeleton, motion: Motion, clip: str, licence: st
     qx, qy, qz, qw (float32). The file's metadata hold fps, names, parents, offsets_m, units and licence.
     """
     frames, joints = motion.frames, skeleton.joints
-    places = places_of(skeleton, motion).reshape(-1, 3)
+    places = positions_of(skeleton, motion).reshape(-1, 3)
     turns = motion.rotations.reshape(-1, 4)
     index = np.tile(np.arange(joints, dtype=np.int32), frames)
     groups = [BODY_GROUPS[group] if group >= 0 else None for group in skeleton.groups]

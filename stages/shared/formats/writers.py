@@ -8,10 +8,10 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.gltf_write import glb_of_motion
 from stages.shared.formats.table_write import csv_of_motion, parquet_of_motion
 from stages.shared.humanoid.anatomy import anatomy_of
+from stages.shared.kinematics.forward_numpy import positions_of
 
 SUFFIXES = {"bvh": ".bvh", "glb": ".glb", "amass": ".npz", "csv": ".csv", "parquet": ".parquet"}
 
@@ -43,7 +43,7 @@ def bytes_of_motion(
     if chosen == "bvh":
         return bvh_of_motion(skeleton, motion, name), []
     if chosen == "glb":
-        first = places_of(skeleton, motion)[:1]
+        first = positions_of(skeleton, motion)[:1]
         rest = anatomy_of(skeleton, first, motion.rotations[:1].astype(float)).rest
         bind = "first" if rest == "no human pose" else "rest"
         return glb_of_motion(skeleton, motion, name, bind=bind, licence=licence), []

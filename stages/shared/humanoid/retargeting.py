@@ -31,6 +31,7 @@ from stages.shared.humanoid.bone_matching import (
 from stages.shared.humanoid.reference_pose import turn_to_y_up
 from stages.shared.kinematics.foot_contacts import find_feet, floor_levels
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.rotations import continuous_signs, smallest_turn
 
 OWN_SHAPE_RAD = np.radians(25)  # a smaller difference of clavicles, feet or hands is of build, not of pose
 NARROW_M = 0.03  # shoulders nearer to each other than this do not determine how the chest is turned
@@ -259,7 +260,7 @@ def _carried(
                 anchor.rotations[0, joint]
             )
             out[:, joint] = (now(out[:, parent]) * own).as_quat()
-    return _continuous(out)
+    return continuous_signs(out)
 
 
 def _blended(turns: dict[int, Rotation], weights: np.ndarray) -> Rotation:
@@ -276,7 +277,7 @@ def _reference_in_source_pose(
     lower, upper = (getattr(still, part)()[0] * getattr(anchor, part)()[0].inv() for part in ("pelvis", "chest"))
     made = {joint: lower * Rotation.from_quat(q) for joint, q in enumerate(anchor.rotations[0])}
     spine = spine_of(anchor.skeleton)
-    neck = _least_turn(upper.apply(anchor.neck()[0]), still.neck()[0])
+    neck = Rotation.from_quat(smallest_turn(upper.apply(anchor.neck()[0]), still.neck()[0]))
     for bone, place in zip(spine.bones, spine.places, strict=True):
         turn = _part_way(lower, upper, min(float(place), 1.0))
         made[bone] = (neck * upper if place > 1 else turn) * Rotation.from_quat(anchor.rotations[0, bone])
@@ -284,7 +285,8 @@ def _reference_in_source_pose(
         lengths = [bone_lengths(anchor.skeleton, piece.target).sum() for piece in limb]
         whole = lower if group in LEGS else upper
         for piece, length in zip(limb, lengths, strict=True):
-            turn = _least_turn(whole.apply(anchor.directions(piece.target)[0]), still.directions(piece.source)[0])
+            way = whole.apply(anchor.directions(piece.target)[0])
+            turn = Rotation.from_quat(smallest_turn(way, still.directions(piece.source)[0]))
             if length < 0.6 * max(lengths) and turn.magnitude() < OWN_SHAPE_RAD:
                 turn = Rotation.identity()  # no upper arm, forearm, thigh or shin: its build, not its pose
             for bone in piece.target:
@@ -294,18 +296,6 @@ def _reference_in_source_pose(
 
 def _part_way(first: Rotation, second: Rotation, share: float) -> Rotation:
     return first * Rotation.from_rotvec(share * (first.inv() * second).as_rotvec())
-
-
-def _least_turn(have: np.ndarray, wanted: np.ndarray) -> Rotation:
-    """The smallest rotation that takes one unit vector to another."""
-    axis = np.cross(have, wanted)
-    sine, cosine = float(np.linalg.norm(axis)), float(have @ wanted)
-    if sine < 1e-9:
-        if cosine > 0:
-            return Rotation.identity()
-        other = np.eye(3)[int(np.abs(have).argmin())]
-        axis, sine = np.cross(have, other), float(np.linalg.norm(np.cross(have, other)))
-    return Rotation.from_rotvec(axis / sine * np.arctan2(np.linalg.norm(np.cross(have, wanted)), cosine))
 
 
 def _path(moving: _Figure) -> tuple[np.ndarray, np.ndarray]:
@@ -322,10 +312,3 @@ def _hips(skeleton: Skeleton, positions: np.ndarray) -> np.ndarray:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
-
-
-def _continuous(rotations: np.ndarray) -> np.ndarray:
-    """The same rotations (T, J, 4) with signs that go on from frame to frame."""
-    same = (rotations[1:] * rotations[:-1]).sum(-1) >= 0
-    signs = np.cumprod(np.where(same, 1.0, -1.0), axis=0)
-    return np.concatenate([rotations[:1], rotations[1:] * signs[..., None]])

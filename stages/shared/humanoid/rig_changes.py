@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
+from stages.shared.kinematics.rotations import continuous_signs
 
 LEAST_SPLIT_M = 0.04  # shorter bones are not split
 FINGERS, FINGER_JOINTS, FINGER_M = 4, 2, 0.03
@@ -70,7 +71,9 @@ def with_other_axes(rigged: Rigged, rng: np.random.Generator) -> Rigged:
     tracks = np.array(motion.tracks)
     for column, joint in enumerate(motion.track_joints):
         tracks[:, column] = above[int(joint)].inv().apply(motion.tracks[:, column])
-    turned = replace(motion, rotations=_continuous(rotations), tracks=tracks.astype(np.float32))
+    turned = replace(
+        motion, rotations=continuous_signs(rotations).astype(np.float32), tracks=tracks.astype(np.float32)
+    )
     return Rigged(replace(skeleton, offsets=offsets, tails=tails, header=""), turned)
 
 
@@ -105,7 +108,7 @@ def with_stiff_spine(rigged: Rigged) -> Rigged:
     rotations = np.array(motion.rotations)
     for frame in range(motion.frames):
         rotations[frame, stiff] = Rotation.from_quat(motion.rotations[frame, stiff]).mean().as_quat()
-    return Rigged(skeleton, replace(motion, rotations=_continuous(rotations)))
+    return Rigged(skeleton, replace(motion, rotations=continuous_signs(rotations).astype(np.float32)))
 
 
 RIGS: dict[str, Callable[[Rigged, np.random.Generator], Rigged]] = {
@@ -183,7 +186,9 @@ def _inserted(rigged: Rigged, child: int, new: _Joint, rotations: np.ndarray) ->
             header="",
         ),
         replace(
-            motion, rotations=_continuous(np.insert(motion.rotations, child, rotations, axis=1)), track_joints=tracks
+            motion,
+            rotations=continuous_signs(np.insert(motion.rotations, child, rotations, axis=1)).astype(np.float32),
+            track_joints=tracks,
         ),
     )
 
@@ -191,6 +196,7 @@ def _inserted(rigged: Rigged, child: int, new: _Joint, rotations: np.ndarray) ->
 def _appended(rigged: Rigged, new: _Joint, rotations: np.ndarray) -> Rigged:
     """Append the new joint after all others."""
     skeleton, motion = rigged.skeleton, rigged.motion
+    every = np.concatenate([motion.rotations, rotations[:, None]], axis=1)
     return Rigged(
         replace(
             skeleton,
@@ -202,10 +208,7 @@ def _appended(rigged: Rigged, new: _Joint, rotations: np.ndarray) -> Rigged:
             sampled=np.append(skeleton.sampled, new.sampled),
             header="",
         ),
-        replace(
-            motion,
-            rotations=_continuous(np.concatenate([motion.rotations, rotations[:, None]], axis=1)),
-        ),
+        replace(motion, rotations=continuous_signs(every).astype(np.float32)),
     )
 
 
@@ -213,8 +216,3 @@ def _across(vector: np.ndarray) -> np.ndarray:
     """A unit vector perpendicular to another."""
     axis = np.cross(vector, [0.0, 0.0, 1.0] if abs(vector[2]) < 0.9 * np.linalg.norm(vector) else [1.0, 0.0, 0.0])
     return axis / max(float(np.linalg.norm(axis)), 1e-9)
-
-
-def _continuous(rotations: np.ndarray) -> np.ndarray:
-    flips = np.where((rotations[1:] * rotations[:-1]).sum(-1, keepdims=True) < 0, -1.0, 1.0).cumprod(axis=0)
-    return np.concatenate([rotations[:1], rotations[1:] * flips]).astype(np.float32)

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from data_schemas.errors import UsageError
 from stages.shared.kinematics.device import onto
+from stages.shared.kinematics.rotations import continuous_signs, shorter_way, turns_between
 
 
 class Damping(NamedTuple):
@@ -126,7 +127,7 @@ def interpolate_pose(
     segments = Segments(*(onto(part, local.device) for part in locate_segments(key_times, times)))
     lengths = onto(key_times.double().diff().float(), local.device)
     turns, places = smooth if isinstance(smooth, Smoothing) else (smooth, smooth)
-    local_out = _rotation_curve(_continuous_signs(local), lengths, segments, turns)
+    local_out = _rotation_curve(continuous_signs(local), lengths, segments, turns)
     roots_out = _position_curve(roots, lengths, segments, places)
     offsets_out = _position_curve(offsets, lengths, segments, places) if varying else offsets
     if glide is not None and any(glide):
@@ -179,9 +180,7 @@ def _moved_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
 
 
 def _turned_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
-    turn = roma.quat_product(roma.quat_conjugation(inner), edge)
-    step = roma.unitquat_to_rotvec(torch.where(turn[..., 3:] < 0, -turn, turn))
-    return roma.quat_product(edge, roma.rotvec_to_unitquat(steps[..., None, None] * step))
+    return roma.quat_product(edge, roma.rotvec_to_unitquat(steps[..., None, None] * turns_between(inner, edge)))
 
 
 def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smooth: float | Tensor = 0.0) -> Tensor:
@@ -199,13 +198,6 @@ def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smoo
 def _check_key_times(key_times: Tensor) -> None:
     if len(key_times) == 0 or bool((key_times.diff() <= 0).any()):
         raise UsageError("The key times must be one or more strictly rising numbers.")
-
-
-def _continuous_signs(rotations: Tensor) -> Tensor:
-    """Flip quaternions (K, ..., 4) so that each lies on the same half as the one before it."""
-    agree = (rotations[1:] * rotations[:-1]).sum(-1, keepdim=True)
-    flips = torch.where(agree < 0, -1.0, 1.0).to(rotations)
-    return torch.cat([rotations[:1], rotations[1:] * torch.cumprod(flips, dim=0)])
 
 
 def _tangents(slopes: Tensor, lengths: Tensor, smooth: float | Tensor) -> tuple[Tensor, Tensor]:
@@ -240,7 +232,7 @@ def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: f
     first, share = segments.first, segments.share.view(-1, *[1] * (keys.dim() - 2), 1)
     turns = roma.quat_product(roma.quat_conjugation(keys[:-1]), keys[1:])
     # The shorter way round; the sign continuity of the keys has chosen it already save for float rounding.
-    turns = torch.where(turns[..., 3:] < 0, -turns, turns)
+    turns = shorter_way(turns)
     steps = roma.unitquat_to_rotvec(turns)
     if not isinstance(smooth, Tensor) and smooth == 0.0:
         curve = roma.quat_product(keys[first], roma.rotvec_to_unitquat(share * steps[first]))

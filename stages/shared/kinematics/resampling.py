@@ -10,6 +10,7 @@ from scipy.ndimage import convolve1d
 
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion
+from stages.shared.kinematics.rotations import slerp
 
 _LOBES = 4  # half width of the low-pass in frames of the lower rate
 
@@ -87,12 +88,5 @@ def _slerp_at(rotations: np.ndarray, times: np.ndarray) -> np.ndarray:
         return rotations[whole.astype(np.int64)]
     below = np.minimum(times.astype(np.int64), len(rotations) - 2)
     share = (times - below).astype(np.float32)[:, None, None]
-    start, end = rotations[below], rotations[below + 1]
-    angle = np.arccos(np.clip((start * end).sum(-1, keepdims=True), -1.0, 1.0))
-    sine = np.sin(angle)
-    near = sine < 1e-4  # so close together that the straight line is the arc
-    safe = np.where(near, 1.0, sine)
-    first = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
-    second = np.where(near, share, np.sin(share * angle) / safe)
-    mixed = first * start + second * end
+    mixed = slerp(rotations[below], rotations[below + 1], share)
     return (mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)).astype(np.float32)

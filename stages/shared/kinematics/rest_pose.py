@@ -13,40 +13,9 @@ import roma
 import torch
 from torch import Tensor
 
+from stages.shared.kinematics.rotations import smallest_turn
+
 _AT_TAIL_M = 1e-3  # a child's head this near to its parent's tail hangs from it
-_OPPOSITE = 1e-7  # directions that sum to less than this (float64) are opposite
-
-
-def smallest_turn(tails: Tensor, targets: Tensor) -> Tensor:
-    """The rotation of largest real part that takes the direction of `tails` to that of `targets` (Algorithm 1).
-
-    Two half turns, about the tail's direction eta and about the half-way direction h = (eta + omega) / |eta + omega|,
-    make the turn from eta to omega by twice the angle between eta and h: q = -(h x eta) as pure quaternions, whose
-    real part is h . eta >= 0. (As printed, the half-way vector is not normalised and the sign is the other one.)
-
-    Args:
-        tails, targets: (..., 3), any length. Opposite directions turn by 180 degrees about some axis across them,
-            always the same for the same directions; a vector of no length asks for no turn.
-
-    Returns: (..., 4) unit quaternions xyzw, real part >= 0, of the dtype of `tails`. Computed in float64.
-    """
-    tail, target = torch.broadcast_tensors(tails.double(), targets.double())
-    eta, omega = (torch.nn.functional.normalize(each, dim=-1) for each in (tail, target))
-    half = eta + omega
-    length = half.norm(dim=-1, keepdim=True)
-    half = torch.where(length > _OPPOSITE, half / length.clamp_min(_OPPOSITE), _across(eta))
-    real = (half * eta).sum(-1, keepdim=True)
-    turn = torch.cat([torch.linalg.cross(eta, half), real], dim=-1)
-    turn = torch.nn.functional.normalize(turn, dim=-1)
-    has_length = ((tail.norm(dim=-1) > 0) & (target.norm(dim=-1) > 0)).unsqueeze(-1)
-    still = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=turn.dtype, device=turn.device)
-    return torch.where(has_length, turn, still).to(tails.dtype)
-
-
-def _across(directions: Tensor) -> Tensor:
-    """Unit vectors at right angles to unit vectors (..., 3): across the axis that each is farthest from."""
-    axis = torch.nn.functional.one_hot(directions.abs().argmin(dim=-1), 3).to(directions)
-    return torch.nn.functional.normalize(torch.linalg.cross(directions, axis), dim=-1)
 
 
 def carried_offsets(offsets: Tensor, tails: Tensor, new_tails: Tensor, parents: np.ndarray) -> Tensor:

@@ -19,6 +19,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.skeleton_text import plain_of_skeleton, skeleton_of_plain
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, positions_of
+from stages.shared.kinematics.rotations import continuous_signs
 from stages.shared.pointcloud.bones import bone_set
 from stages.shared.pointcloud.heading import headings_of, yaw_quaternions
 
@@ -167,13 +168,6 @@ def mean_rotations(rotations: Tensor) -> Tensor:
     """The mean of rotations (N, ..., 4) over the first axis, by the largest eigenvector of their outer products."""
     outer = (rotations.unsqueeze(-1) * rotations.unsqueeze(-2)).double().mean(0)
     return torch.linalg.eigh(outer).eigenvectors[..., -1].to(rotations.dtype)
-
-
-def continuous_signs(rotations: Tensor) -> Tensor:
-    """Quaternions (T, ..., 4) with signs such that each agrees with the one before it."""
-    agree = (rotations[1:] * rotations[:-1]).sum(-1, keepdim=True)
-    flips = torch.where(agree < 0, -1.0, 1.0).cumprod(0)
-    return torch.cat([rotations[:1], rotations[1:] * flips.to(rotations)])
 
 
 def pose_heads(body: RigBody, pelvis: Tensor, rotations: Tensor) -> Tensor:

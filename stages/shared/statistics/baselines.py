@@ -26,6 +26,7 @@ from stages.shared.kinematics.forward import (
     offsets_over_time,
 )
 from stages.shared.kinematics.plain_interpolation import Smoothness, damped_smoothness, interpolate_pose
+from stages.shared.kinematics.rotations import continuous_signs, turns_between
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def lerp(poses: Poses, known: np.ndarray) -> Filled:
     """Straight lines in the world; quaternions renormalised. known: (T,) bool."""
     keys = np.flatnonzero(known)
     share = torch.as_tensor(_line_weights(keys, len(known)), dtype=torch.float32)
-    quaternions = _sign_continuous(poses.rotations[:, keys])
+    quaternions = continuous_signs(poses.rotations[:, keys], axis=1)
     rotations = torch.einsum("tk,bkjc->btjc", share, quaternions)
     positions = torch.einsum("tk,bkjc->btjc", share, poses.positions[:, keys])
     return positions.numpy(), torch.nn.functional.normalize(rotations, dim=-1).numpy()
@@ -103,8 +104,7 @@ def constant_velocity(poses: Poses, known: np.ndarray) -> Filled:
     steps = torch.where(torch.as_tensor(known), 0.0, steps).clamp(min=0)
     anchor = torch.as_tensor(np.where(known, np.arange(len(known)), last))
     local = poses.local()
-    turn = roma.quat_product(roma.quat_conjugation(local[:, last - 1]), local[:, last])
-    turn = roma.unitquat_to_rotvec(torch.where(turn[..., 3:] < 0, -turn, turn))
+    turn = turns_between(local[:, last - 1], local[:, last])
     advanced = roma.rotvec_to_unitquat(turn[:, None] * steps[None, :, None, None])
     rotations = global_rotations(roma.quat_product(local[:, anchor], advanced), poses.parents)
     roots = poses.roots[:, anchor] + (poses.roots[:, last] - poses.roots[:, last - 1])[:, None] * steps[:, None]
@@ -153,9 +153,3 @@ def _line_weights(keys: np.ndarray, frames: int) -> np.ndarray:
     """(frames, K) shares of the keys in each frame; before the first and after the last key that key is held."""
     times = np.arange(frames)
     return np.stack([np.interp(times, keys, row) for row in np.eye(len(keys))], axis=1)
-
-
-def _sign_continuous(quaternions: Tensor) -> Tensor:
-    turned = (quaternions[:, 1:] * quaternions[:, :-1]).sum(-1, keepdim=True) < 0
-    signs = torch.where(turned, -1.0, 1.0).cumprod(dim=1)
-    return torch.cat([quaternions[:, :1], quaternions[:, 1:] * signs], dim=1)

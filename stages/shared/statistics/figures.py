@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Skeleton
+from stages.shared.kinematics.rotations import aligned_signs, continuous_signs
 from stages.shared.statistics import metrics
 
 LEAST_BONE_M = 1e-6
@@ -91,7 +92,7 @@ def measure(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: 
     """The project's own figures of B filled windows; shapes as `Truth`, `joints` those that count."""
     p, p_true = positions[:, :, joints], truth.positions[:, :, joints]
     q, q_true = rotations[:, :, joints], truth.rotations[:, :, joints]
-    q = metrics.aligned_signs(q, q_true)
+    q = aligned_signs(q, q_true)
     centre = truth.centre()
     spectrum = metrics.npss(metrics.pose_features(p - centre, q), metrics.pose_features(p_true - centre, q_true))
     ones = np.ones(len(positions))
@@ -130,7 +131,7 @@ def measure_lafan1(
     missing = ~truth.known
     p, p_true = (turned_vectors(turn, x[:, missing][:, :, joints]) for x in (positions, truth.positions))
     q, q_true = (
-        metrics.continuous_signs(turned_quaternions(turn, x[:, missing][:, :, joints]))
+        continuous_signs(turned_quaternions(turn, x[:, missing][:, :, joints]), axis=1)
         for x in (rotations, truth.rotations)
     )
     ones = np.ones(len(positions))

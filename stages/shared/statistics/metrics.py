@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stages.shared.kinematics.rotations import aligned_signs
+
 MILLIMETRES = 1000.0
 
 
@@ -87,19 +89,6 @@ def pose_features(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
     """All components of positions and quaternions as features, (..., T, J * 7)."""
     flat = [part.reshape(*part.shape[:-2], -1) for part in (positions, quaternions)]
     return np.concatenate(flat, axis=-1)
-
-
-def aligned_signs(quaternions: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """`quaternions`, each with the sign (q and -q are one rotation) that lies nearer to `reference`."""
-    nearer = (quaternions * reference).sum(axis=-1, keepdims=True) >= 0
-    return np.where(nearer, quaternions, -quaternions)
-
-
-def continuous_signs(quaternions: np.ndarray) -> np.ndarray:
-    """`quaternions` (..., T, J, 4) with signs such that no component jumps from frame to frame."""
-    turned = (quaternions[..., 1:, :, :] * quaternions[..., :-1, :, :]).sum(axis=-1, keepdims=True) < 0
-    signs = np.where(turned, -1.0, 1.0).cumprod(axis=-3)
-    return np.concatenate([quaternions[..., :1, :, :], quaternions[..., 1:, :, :] * signs], axis=-3)
 
 
 def _difference(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:

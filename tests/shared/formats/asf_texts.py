@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.recording import Recording
+from stages.shared.kinematics.forward_numpy import positions_of
 
 # Name, parent, direction, length (inches over 0.45), axis, channels.
 _BONES: tuple[tuple[str, str, tuple[float, float, float], float, tuple[float, float, float], str], ...] = (
@@ -171,7 +171,7 @@ def worst_beside_pyacclaim(asf: Path, amc: Path, recording: Recording, frames: I
 
     figure = pyacclaim.loadASF(str(asf), verbose=False)
     poses, bones = pyacclaim.loadAMC(figure, str(amc)), figure["bones"]
-    skeleton, ours = recording.skeleton, places_of(recording.skeleton, recording.motion)
+    skeleton, ours = recording.skeleton, positions_of(recording.skeleton, recording.motion)
     worst = 0.0
     for frame in frames:
         bones["root"].set_pose(poses[frame])

@@ -13,9 +13,9 @@ from data_schemas.errors import InputError
 from data_schemas.notes import Flag
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.formats.amass import read_amass
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.smpl import LAYOUTS, neutral_joints, parents_of
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.amass_files import STANDING, body_model, new_layout, npz, old_layout, pose_vectors
 
 
@@ -27,7 +27,7 @@ def _read(data: bytes, **options: object) -> Recording:
 def _heads(recording: Recording, layout: str) -> np.ndarray:
     """(T, J, 3) of the layout's joints in its own order, in AMASS' world, whose Z is up."""
     names = list(recording.skeleton.names)
-    heads = places_of(recording.skeleton, recording.motion)[:, [names.index(name) for name in LAYOUTS[layout]]]
+    heads = positions_of(recording.skeleton, recording.motion)[:, [names.index(name) for name in LAYOUTS[layout]]]
     return np.stack([heads[..., 0], -heads[..., 2], heads[..., 1]], axis=-1)
 
 
@@ -77,7 +77,7 @@ def test_the_neutral_body_is_a_plausible_person() -> None:
     recording = _read(
         old_layout(poses=np.tile([np.pi / 2, 0, 0] + [0.0] * 153, (3, 1)), trans=np.zeros((3, 3)), frames=3)
     )
-    heads = dict(zip(recording.skeleton.names, places_of(recording.skeleton, recording.motion)[0], strict=True))
+    heads = dict(zip(recording.skeleton.names, positions_of(recording.skeleton, recording.motion)[0], strict=True))
     assert heads["head"][1] - heads["left_ankle"][1] == pytest.approx(1.70 - 0.039 * 1.7 - 0.13, abs=0.05)
     for name, place in heads.items():
         if name.startswith("left_"):

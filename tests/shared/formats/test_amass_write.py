@@ -13,9 +13,10 @@ from stages.shared.formats.amass import read_amass
 from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses, places_of
+from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.smpl import LAYOUTS, neutral_joints, parents_of
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 
 
@@ -51,14 +52,14 @@ def test_any_rig_is_written_as_what_it_is(text: BvhText) -> None:
     assert str(arrays["surface_model_type"]) == NOT_SMPL and float(arrays["mocap_framerate"]) == 30
     order = [skeleton.names.index(name) for name in arrays["joint_names"].tolist()]
     assert order[0] == skeleton.root
-    assert np.abs(_places(arrays) - places_of(skeleton, motion)[:, order]).max() < 1e-4
+    assert np.abs(_places(arrays) - positions_of(skeleton, motion)[:, order]).max() < 1e-4
     assert bool(notes) == bool(text.above)
     # The project's reader takes the file for the same rig, and not for SMPL's, though it has 22 joints like it.
     (back,) = read_amass(data, "a.npz", Asked())
     assert set(back.skeleton.names) == set(arrays["joint_names"].tolist())
     again = [back.skeleton.names.index(name) for name in arrays["joint_names"].tolist()]
-    found = places_of(back.skeleton, back.motion)[:, again]
-    assert np.abs(found - places_of(skeleton, motion)[:, order]).max() < 1e-4
+    found = positions_of(back.skeleton, back.motion)[:, again]
+    assert np.abs(found - positions_of(skeleton, motion)[:, order]).max() < 1e-4
 
 
 def _smpl(layout: str, frames: int = 7) -> tuple[Skeleton, Motion]:
@@ -83,9 +84,9 @@ def test_smpl_comes_back_as_smpl(layout: str) -> None:
     assert arrays["poses"].shape == (7, 3 * len(LAYOUTS[layout]))
     assert tuple(arrays["joint_names"].tolist()) == LAYOUTS[layout]
     (back,) = read_amass(data, "a.npz", Asked())
-    places = places_of(skeleton, motion)
+    places = positions_of(skeleton, motion)
     order = [back.skeleton.names.index(name) for name in skeleton.names]
-    assert np.abs(places_of(back.skeleton, back.motion)[:, order] - places).max() < 1e-4
+    assert np.abs(positions_of(back.skeleton, back.motion)[:, order] - places).max() < 1e-4
     assert back.motion.fps == 60 and np.abs(_places(arrays) - places).max() < 1e-4
 
 

@@ -14,8 +14,8 @@ from stages.shared.formats.asf import read_asf
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.recording import Asked, Recording
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.asf_texts import AsfText, worst_beside_pyacclaim
 
 SPELLINGS = {
@@ -42,7 +42,7 @@ def test_joints_are_where_the_definition_puts_them(text: AsfText) -> None:
     recording = _read(text)
     skeleton, motion = recording.skeleton, recording.motion
     assert list(skeleton.names) == text.depth_first()
-    assert np.allclose(places_of(skeleton, motion), text.heads(), atol=1e-5)
+    assert np.allclose(positions_of(skeleton, motion), text.heads(), atol=1e-5)
     assert skeleton.unit_m == pytest.approx(0.0254 / text.length)
     assert skeleton.names[skeleton.root] == "root" and (skeleton.groups >= 0).all()
 
@@ -97,8 +97,8 @@ def test_a_clip_can_be_given_as_bvh() -> None:
     bvh = read_bvh(bvh_of_motion(recording.skeleton, recording.motion, "clip"), "clip.bvh")
     skeleton, motion, _ = motion_of(bvh)
     assert skeleton.names == recording.skeleton.names
-    ours = places_of(recording.skeleton, recording.motion)
-    assert np.allclose(places_of(skeleton, motion) / skeleton.unit_m, ours / recording.skeleton.unit_m, atol=1e-3)
+    ours = positions_of(recording.skeleton, recording.motion)
+    assert np.allclose(positions_of(skeleton, motion) / skeleton.unit_m, ours / recording.skeleton.unit_m, atol=1e-3)
 
 
 @pytest.mark.parametrize(

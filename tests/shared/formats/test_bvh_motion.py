@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_motion import motion_of, places_of, rate_of, values_of
+from stages.shared.formats.bvh_motion import motion_of, rate_of, values_of
+from stages.shared.kinematics import forward_numpy
 from stages.shared.kinematics.forward import positions_of
 from tests.shared.formats.bvh_texts import TURNS, BvhText
 
@@ -55,7 +56,7 @@ def _positions_by_matrices(bvh: BvhFile) -> np.ndarray:
 )
 def test_joints_are_where_the_matrices_say(text: BvhText) -> None:
     bvh, skeleton, motion, _ = _read(text)
-    assert np.allclose(places_of(skeleton, motion), positions_of(skeleton, motion), atol=2e-6)
+    assert np.allclose(forward_numpy.positions_of(skeleton, motion), positions_of(skeleton, motion), atol=2e-6)
     assert np.allclose(positions_of(skeleton, motion), _positions_by_matrices(bvh) * skeleton.unit_m, atol=2e-6)
 
 

@@ -10,8 +10,9 @@ import pytest
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
-from stages.shared.formats.bvh_motion import motion_of, places_of, read_bvh_motion
+from stages.shared.formats.bvh_motion import motion_of, read_bvh_motion
 from stages.shared.formats.recording import Asked
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import HUMANOID, PLACES, TURNS, BvhText
 
 NAMES = [name for name, *_ in HUMANOID]
@@ -26,7 +27,7 @@ def _same_body(data: bytes, plain: bytes) -> None:
     """Same places, same groups."""
     skeleton, motion = _motion(data)
     other, expected = _motion(plain)
-    assert np.allclose(places_of(skeleton, motion), places_of(other, expected), atol=2e-6)
+    assert np.allclose(positions_of(skeleton, motion), positions_of(other, expected), atol=2e-6)
     assert np.array_equal(skeleton.groups, other.groups) and np.array_equal(skeleton.sampled, other.sampled)
 
 
@@ -67,7 +68,7 @@ def test_no_end_sites() -> None:
     assert b"End Site" not in without
     skeleton, motion = _motion(without)
     other, expected = _motion(BvhText().data())
-    assert np.allclose(places_of(skeleton, motion), places_of(other, expected), atol=2e-6)
+    assert np.allclose(positions_of(skeleton, motion), positions_of(other, expected), atol=2e-6)
     hand = skeleton.names.index("LeftHand")  # a leaf whose end nothing tells goes on as its parent does
     assert np.allclose(skeleton.tails[hand], [0.1, 0, 0], atol=1e-6) and skeleton.sampled[hand]
 

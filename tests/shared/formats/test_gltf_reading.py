@@ -12,10 +12,10 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from data_schemas.errors import InputError
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.gltf_motion import read_gltf
 from stages.shared.formats.gltf_sampling import Track, sampled
 from stages.shared.formats.recording import Asked, Recording
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.gltf_files import NAMES, GltfText
 
 FORMS = {
@@ -38,7 +38,7 @@ def _read(data: bytes, **options: object) -> list[Recording]:
 
 def _heads(recording: Recording) -> np.ndarray:
     order = [recording.skeleton.names.index(name) for name in NAMES]
-    return places_of(recording.skeleton, recording.motion)[:, order]
+    return positions_of(recording.skeleton, recording.motion)[:, order]
 
 
 @pytest.mark.parametrize("text", FORMS.values(), ids=FORMS)

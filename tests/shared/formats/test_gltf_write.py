@@ -9,8 +9,9 @@ import pytest
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import body_of, motion_of_poses, places_of
+from stages.shared.formats.figure import body_of, motion_of_poses
 from stages.shared.formats.gltf_write import glb_of_motion
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.glb_reading import read_glb
 from tests.shared.humanoid.written_rigs import written_rig
@@ -41,7 +42,7 @@ def test_joints_are_where_the_motion_has_them(name: str, bind: str) -> None:
     times, places, _ = glb.world()
     assert np.allclose(times, np.arange(motion.frames) / motion.fps, atol=1e-5)
     joints = np.array(skin["joints"])
-    assert np.abs(places[:, joints] - places_of(skeleton, motion)).max() < 1e-4
+    assert np.abs(places[:, joints] - positions_of(skeleton, motion)).max() < 1e-4
     # The same through the skin: what is bound to a joint moves as the joint moves.
     inverse = glb.accessor(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
     primitive = glb.document["meshes"][0]["primitives"][0]

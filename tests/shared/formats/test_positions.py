@@ -19,12 +19,12 @@ from stages.ingest.run import run
 from stages.shared.formats.amass import read_amass
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.joint_lists import LISTS
 from stages.shared.formats.pointing import pointed_rotations
 from stages.shared.formats.positions import read_positions
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.smpl import LAYOUTS
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.amass_files import npz, old_layout
 from tests.shared.formats.bvh_texts import BvhText
 
@@ -49,7 +49,7 @@ def _csv(names: list[str], places: np.ndarray, joint: str = "{}.{}", separator: 
 def _truth() -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, places (T, J, 3) in centimetres and global rotations of a BVH."""
     skeleton, motion, _ = motion_of(read_bvh(MOVING.data(), "truth.bvh"))
-    return skeleton.names, places_of(skeleton, motion) * 100, motion.rotations
+    return skeleton.names, positions_of(skeleton, motion) * 100, motion.rotations
 
 
 def _read(data: bytes, **options: object) -> Recording:
@@ -59,7 +59,7 @@ def _read(data: bytes, **options: object) -> Recording:
 
 def _places(recording: Recording, names: tuple[str, ...] | list[str]) -> np.ndarray:
     order = [recording.skeleton.names.index(name) for name in names]
-    return places_of(recording.skeleton, recording.motion)[:, order]
+    return positions_of(recording.skeleton, recording.motion)[:, order]
 
 
 def test_on_a_rig_joints_come_back_where_they_were() -> None:

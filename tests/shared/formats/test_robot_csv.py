@@ -8,11 +8,11 @@ import pytest
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag
 from data_schemas.skeleton import BODY_GROUPS
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.readers import recognise
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.robot_csv import read_robot_csv
 from stages.shared.formats.robot_table import ROOT_COLUMNS
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.robot_files import ANGLES, JOINTS, RobotText, csv_of, some_rows
 
 ROBOT = RobotText()
@@ -25,7 +25,7 @@ def _read(data: bytes, robot: RobotText = ROBOT, **options: object) -> Recording
 
 
 def _agrees(recording: Recording, robot: RobotText, rows: np.ndarray) -> None:
-    places = places_of(recording.skeleton, recording.motion)
+    places = positions_of(recording.skeleton, recording.motion)
     wanted = robot.places(rows)
     names = {name.removesuffix("_joint"): place for name, place in wanted.items()}
     for joint, name in enumerate(recording.skeleton.names):

@@ -12,9 +12,10 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import body_of, motion_of_poses, places_of
+from stages.shared.formats.figure import body_of, motion_of_poses
 from stages.shared.formats.skeleton_map import SkeletonMap, choose_map, read_skeleton_map, text_of_anatomy
 from stages.shared.humanoid.anatomy import anatomy_of
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.humanoid.rig_changes import renamed
 from tests.shared.humanoid.written_rigs import WRITTEN, written_rig
@@ -32,7 +33,7 @@ def test_what_is_printed_gives_the_same_skeleton_back(tmp_path: Path, name: str,
     written = written_rig(name)
     rig, poses = renamed(written.rig, written.poses) if bare else (written.rig, written.poses)
     skeleton, motion, _ = motion_of_poses(body_of(rig), poses)
-    anatomy = anatomy_of(skeleton, places_of(skeleton, motion), motion.rotations.astype(float), 1 / 30)
+    anatomy = anatomy_of(skeleton, positions_of(skeleton, motion), motion.rotations.astype(float), 1 / 30)
     given = _map(tmp_path, text_of_anatomy(anatomy, skeleton.names, skeleton.parents, "a\nfile.bvh"))
     assert not given.faults
     again = motion_of_poses(body_of(replace(rig, maps=(given,))), poses)[0]

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import places_of
 from stages.shared.formats.table_write import csv_of_motion, parquet_of_motion
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 
 SKELETON, MOTION, _ = motion_of(read_bvh(BvhText(frames=9, above="joint_Root", z_up=True).data(), "a"))
@@ -31,7 +31,7 @@ def test_csv(values: str) -> None:
     for joint, name in enumerate(SKELETON.names):
         if values != "rotations":
             found = np.array([[float(row[f"{name}.{axis}"]) for axis in "xyz"] for row in rows])
-            assert np.abs(found - places_of(SKELETON, MOTION)[:, joint]).max() < 1e-6
+            assert np.abs(found - positions_of(SKELETON, MOTION)[:, joint]).max() < 1e-6
         if values != "positions":
             turns = np.array([[float(row[f"{name}.{axis}"]) for axis in ("qx", "qy", "qz", "qw")] for row in rows])
             away = Rotation.from_quat(turns) * Rotation.from_quat(MOTION.rotations[:, joint]).inv()
@@ -47,7 +47,7 @@ def test_parquet_has_a_row_for_every_frame_and_joint() -> None:
     about = json.loads(table.schema.metadata[b"pumps"])
     assert about["fps"] == 30 and about["names"] == list(SKELETON.names) and about["licence"] == "CC0"
     rows = table.to_pylist()
-    expected = places_of(SKELETON, MOTION)
+    expected = positions_of(SKELETON, MOTION)
     for row in rows[:: SKELETON.joints // 2]:
         joint = SKELETON.names.index(row["joint"])
         assert np.allclose([row["x"], row["y"], row["z"]], expected[row["frame"], joint], atol=1e-9)

@@ -13,8 +13,9 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import rig_and_poses
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses, places_of
+from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
 from stages.shared.humanoid.anatomy import RigAnatomy, anatomy_of
+from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.humanoid.rig_changes import changed, renamed, resized, shuffled, turned, with_other_axes
 from tests.shared.humanoid.written_rigs import WRITTEN, WrittenRig, standing, written_rig
 
@@ -32,7 +33,7 @@ def _written(name: str) -> WrittenRig:
 
 def _anatomy(rig: Rig, poses: Poses) -> RigAnatomy:
     skeleton, motion, _ = motion_of_poses(body_of(rig), poses)
-    return anatomy_of(skeleton, places_of(skeleton, motion), motion.rotations.astype(float), 1 / motion.fps)
+    return anatomy_of(skeleton, positions_of(skeleton, motion), motion.rotations.astype(float), 1 / motion.fps)
 
 
 @pytest.mark.parametrize("name", WRITTEN)

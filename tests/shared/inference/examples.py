@@ -13,6 +13,7 @@ from data_schemas.checkpoint import write_checkpoint
 from data_schemas.manifest import open_artefact
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.trainings import Training, TrainingData
+from stages.shared.kinematics.rotations import continuous_signs
 from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
 from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
@@ -70,8 +71,7 @@ def swinging(skeleton: Skeleton, frames: int, fps: float = 30.0, seed: int = 0) 
     for joint, parent in enumerate(skeleton.parents):
         own = Rotation.from_quat(local[:, joint])
         rotations[:, joint] = (own if parent < 0 else Rotation.from_quat(rotations[:, parent]) * own).as_quat()
-    flips = np.where((rotations[1:] * rotations[:-1]).sum(-1) < 0, -1.0, 1.0).cumprod(0)
-    rotations[1:] *= flips[..., None]
+    rotations = continuous_signs(rotations)
     walk = np.stack([times, 1 + 0.1 * np.sin(5 * times), 0.3 * np.cos(2 * times)], -1)
     if skeleton.root == 0:
         return Motion(rotations.astype(np.float32), walk.astype(np.float32), fps)

@@ -11,7 +11,7 @@ from data_schemas.errors import InputError
 from stages.shared.formats.rig_file import rig_of_file
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.pointcloud.heading import turned, yaw_quaternions
-from stages.shared.pointcloud.rig import Rig, continuous_signs, mean_rotations, pose_heads, rig_of_motion
+from stages.shared.pointcloud.rig import Rig, mean_rotations, pose_heads, rig_of_motion
 from tests.shared.inference.examples import humanoid, swinging
 
 
@@ -98,8 +98,6 @@ def test_the_mean_of_rotations_minds_no_signs():
     signs = torch.where(torch.arange(40) % 2 == 0, 1.0, -1.0).unsqueeze(1)
     mean = mean_rotations(turns * signs)
     assert 2 * mean[3].abs().clamp(max=1).acos() < 0.1
-    even = continuous_signs(turns * signs)
-    assert ((even[1:] * even[:-1]).sum(-1) > 0).all()
 
 
 def test_a_rig_out_of_a_file(tmp_path):

@@ -144,12 +144,3 @@ def test_lafan1_positions_are_counted_in_training_deviations() -> None:
     true = np.zeros((2, 1, 3))
     predicted = true + np.array([1.0, 2, 4])
     assert metrics.l2p_lafan1(predicted, true, np.array([[1.0, 2, 4]])) == pytest.approx(math.sqrt(3))
-
-
-def test_continuous_signs_remove_jumps() -> None:
-    _, quaternions = random_pose(3, frames=40)
-    smooth = Rotation.from_rotvec(np.linspace(0, 6, 40)[:, None] * [0, 1, 0]).as_quat()[:, None]
-    flipped = smooth * np.random.default_rng(0).choice([-1, 1], size=(40, 1, 1))
-    out = metrics.continuous_signs(flipped)
-    assert ((out[1:] * out[:-1]).sum(-1) > 0).all()
-    assert metrics.continuous_signs(quaternions).shape == quaternions.shape

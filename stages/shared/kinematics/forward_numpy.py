@@ -1,0 +1,83 @@
+"""Forward kinematics and its inverse in NumPy and float64 (PC-MRL eq. 1), for what reads and writes files.
+
+`stages.shared.kinematics.forward` is the same for torch tensors, in their own dtype. Both stay: the readers start
+without loading torch, and their float64 results differ from those of torch's float32 by rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.kinematics.rotations import CONJUGATE, continuous_signs, multiply, multiply_parts, rotate
+
+
+def global_rotations(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Rotations in the parents' frames (T, J, 4) to global ones (T, J, 4) float64, depth by depth."""
+    parts = local.astype(np.float64, copy=False).transpose(2, 1, 0)
+    out = parts.copy()
+    for level in _levels(np.asarray(parents, np.int32).tobytes()):
+        out[:, level] = multiply_parts(out[:, parents[level]], parts[:, level])
+    return out.transpose(2, 1, 0)
+
+
+def local_rotations(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Global rotations (T, J, 4) to unit rotations in the parents' frames (T, J, 4) float64; joint 0's stays."""
+    rotations = rotations.astype(np.float64)
+    local = rotations.copy()
+    local[:, 1:] = multiply(rotations[:, parents[1:]] * CONJUGATE, rotations[:, 1:])
+    return local / np.linalg.norm(local, axis=-1, keepdims=True)
+
+
+def joint_positions(
+    rotations: np.ndarray,
+    root: np.ndarray,
+    offsets: np.ndarray,
+    parents: np.ndarray,
+    moving: Sequence[int] = (),
+    tracks: np.ndarray | None = None,
+) -> np.ndarray:
+    """Heads of all joints in the world, by p_n = p_m + R_m H_n (PC-MRL eq. 1).
+
+    Args:
+        rotations: (T, J, 4) global, xyzw. root: (T, 3) or (3,), joint 0 in the world.
+        offsets: (J, 3) heads in the parents' frames. parents: (J,), parents before children.
+        moving: joints whose head in the parent's frame varies; tracks: (T, K, 3) of them.
+
+    Returns: (T, J, 3) in the offsets' unit and axes.
+    """
+    out = np.zeros((len(rotations), len(parents), 3))
+    steps = np.tile(offsets, (len(rotations), 1, 1))
+    if len(moving):
+        steps[:, list(moving)] = tracks
+    out[:, 0] = root
+    for level in _levels(np.asarray(parents, np.int32).tobytes()):
+        above = parents[level]
+        out[:, level] = out[:, above] + rotate(rotations[:, above], steps[:, level])
+    return out
+
+
+def positions_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
+    """(T, J, 3) float64 joint heads of a motion, metres, in the world."""
+    return joint_positions(
+        motion.rotations.astype(np.float64), motion.root_positions, skeleton.offsets, skeleton.parents,
+        motion.track_joints.tolist(), motion.tracks,
+    )  # fmt: skip
+
+
+def local_rotations_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
+    """(T, J, 4) float64 unit rotations of a motion in the parents' frames, sign-continuous in time."""
+    return continuous_signs(local_rotations(motion.rotations, skeleton.parents))
+
+
+@lru_cache(maxsize=64)
+def _levels(parents_bytes: bytes) -> list[np.ndarray]:
+    """Joints below joint 0 by their depth, parents before children; `parents_bytes` are int32."""
+    parents = np.frombuffer(parents_bytes, np.int32)
+    depth = np.zeros(len(parents), int)
+    for joint in range(1, len(parents)):
+        depth[joint] = depth[parents[joint]] + 1
+    return [np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1)]

@@ -1,0 +1,186 @@
+"""Unit quaternions xyzw: products, signs, the shorter way, turns as vectors. For NumPy arrays and torch tensors.
+
+A quaternion q and its negative -q are the same rotation. Functions that choose between the two give the values that
+they get, negated or not, so a NumPy array and a torch tensor of the same numbers give the same bytes.
+
+torch and RoMa are imported only by the functions that need them: the file readers use this module and start fast.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    Array = TypeVar("Array", np.ndarray, Tensor)
+
+CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion: its inverse
+_LINE_IS_ARC = {4: 1e-4, 8: 1e-6}  # by bytes of a number: the sine of an angle below which slerp takes the line
+_OPPOSITE = 1e-7  # directions that sum to less than this are opposite
+
+
+def continuous_signs(rotations: Array, axis: int = 0) -> Array:
+    """The same rotations with signs such that each quaternion has a dot product of 0 or more with the one before it.
+
+    Args:
+        rotations: (..., 4). axis: the time axis, counted from the front; not the last one.
+
+    Returns: an array of the same shape and dtype; the first quaternions keep their signs.
+    """
+    xp, before = _module_of(rotations), (slice(None),) * axis
+    first, later, earlier = (rotations[(*before, part)] for part in (slice(1), slice(1, None), slice(-1)))
+    # Multiplying by 1 or -1 is exact.
+    turned_back = (later * earlier).sum(-1)[..., None] < 0
+    signs = xp.cumprod(xp.where(turned_back, -1.0, 1.0), axis)
+    return xp.concatenate([first, later * xp.asarray(signs, dtype=rotations.dtype)], axis=axis)
+
+
+def signs_after_given(rotations: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """The same rotations; rows that are not given have signs that agree with the row before them.
+
+    Args:
+        rotations: (T, ..., 4). given: (T,) bool, rows that keep their signs. The first row keeps its sign too.
+
+    Returns: a new array of the same shape and dtype.
+    """
+    turned_back = np.zeros(rotations.shape[:-1], np.int64)
+    turned_back[1:] = (rotations[1:] * rotations[:-1]).sum(-1) < 0
+    flips = np.cumsum(turned_back, axis=0)
+    last_given = np.maximum.accumulate(np.where(given, np.arange(len(given)), 0))
+    odd = (flips - flips[last_given]) % 2 == 1
+    return np.where(odd[..., None], -rotations, rotations)
+
+
+def aligned_signs(rotations: Array, reference: Array) -> Array:
+    """The same rotations (..., 4), each with the sign that lies nearer to its reference (..., 4)."""
+    away = (rotations * reference).sum(-1)[..., None] < 0
+    return _module_of(rotations).where(away, -rotations, rotations)
+
+
+def shorter_way(rotations: Array) -> Array:
+    """The same rotations (..., 4) with a real part of 0 or more: turns of at most 180 degrees."""
+    return _module_of(rotations).where(rotations[..., 3:] < 0, -rotations, rotations)
+
+
+def turn_vectors(rotations: Tensor) -> Tensor:
+    """Rotation vectors (..., 3) radians, the shorter way, of rotations (..., 4)."""
+    import roma
+
+    return roma.unitquat_to_rotvec(shorter_way(rotations))
+
+
+def turns_between(first: Tensor, second: Tensor) -> Tensor:
+    """Rotation vectors (..., 3) radians, the shorter way, that turn `first` (..., 4) into `second` (..., 4).
+
+    They are about the axes of `first`: second = first x exp(turn).
+    """
+    import roma
+
+    return turn_vectors(roma.quat_product(roma.quat_conjugation(first), second))
+
+
+def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Products of quaternions (..., 4)."""
+    return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(right, -1, 0)), 0, -1)
+
+
+def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Products of quaternions given by components (4, ...): each step runs over whole arrays."""
+    x1, y1, z1, w1 = left
+    x2, y2, z2, w2 = right
+    return np.stack(
+        [
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        ]
+    )
+
+
+def rotate(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    x, y, z, w = (rotations[..., i] for i in range(4))
+    a, b, c = (vectors[..., i] for i in range(3))
+    # v + 2 w (q x v) + 2 q x (q x v), written out: np.cross costs more than all of it on small arrays.
+    p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return np.stack(
+        [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
+        axis=-1,
+    )
+
+
+def slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Rotations on the great circle between two, the shorter way.
+
+    Args:
+        first, second: (..., 4) unit. share: (..., 1), 0 for the first, 1 for the second.
+
+    Returns: (..., 4), of unit length but for rounding.
+    """
+    cosine = (first * second).sum(-1)[..., None]
+    second = np.where(cosine < 0, -second, second)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    sine = np.sin(angle)
+    near = sine < _LINE_IS_ARC[sine.dtype.itemsize]
+    safe = np.where(near, 1.0, sine)
+    first_share = np.where(near, 1.0 - share, np.sin((1.0 - share) * angle) / safe)
+    second_share = np.where(near, share, np.sin(share * angle) / safe)
+    return first_share * first + second_share * second
+
+
+def smallest_turn(directions: Array, targets: Array) -> Array:
+    """The rotation of largest real part that takes one direction to another (PC-MRL 3.4, Algorithm 1).
+
+    Two half turns, about the direction eta and about the half-way direction h = (eta + omega) / |eta + omega|, make
+    the turn from eta to omega by twice the angle between eta and h: q = -(h x eta) as pure quaternions, whose real
+    part is h . eta >= 0. (As printed, the half-way vector is not normalised and the sign is the other one.)
+
+    Args:
+        directions, targets: (..., 3), any length. Opposite directions turn by 180 degrees about some axis across
+            them, always the same for the same directions; a vector of no length asks for no turn.
+
+    Returns: (..., 4) unit quaternions, real part >= 0, of the dtype of `directions`. Computed in float64.
+    """
+    xp = _module_of(directions)
+    have, wanted = (xp.asarray(each, dtype=xp.float64) for each in (directions, targets))
+    eta, omega = _unit(have), _unit(wanted)
+    half = eta + omega
+    eta = xp.broadcast_to(eta, half.shape)
+    length = _norm(half)
+    half = xp.where(length > _OPPOSITE, half / length.clip(_OPPOSITE), xp.cross(_across(eta), eta, axis=-1))
+    turn = _unit(xp.concatenate([xp.cross(eta, half, axis=-1), (half * eta).sum(-1)[..., None]], axis=-1))
+    has_length = (_norm(have) > 0) & (_norm(wanted) > 0)
+    turn = xp.where(has_length, turn, _constant([0.0, 0.0, 0.0, 1.0], turn))
+    return xp.asarray(turn, dtype=directions.dtype)
+
+
+def _across(directions: Array) -> Array:
+    """Unit vectors at right angles to unit vectors (..., 3): across the axis that each is farthest from."""
+    xp = _module_of(directions)
+    axes = _constant(np.eye(3).tolist(), directions)
+    return _unit(xp.cross(directions, axes[abs(directions).argmin(-1)], axis=-1))
+
+
+def _constant(values: list, like: Array) -> Array:
+    """Numbers as an array of the same kind, dtype and device as another."""
+    return np.array(values, like.dtype) if isinstance(like, np.ndarray) else like.new_tensor(values)
+
+
+def _norm(vectors: Array) -> Array:
+    """Lengths (..., 1) of vectors (..., C)."""
+    return _module_of(vectors).sqrt((vectors * vectors).sum(-1)[..., None])
+
+
+def _unit(vectors: Array) -> Array:
+    """Vectors (..., C) of length 1; those without length stay zero."""
+    return vectors / _norm(vectors).clip(1e-12)
+
+
+def _module_of(rotations: np.ndarray | Tensor) -> Any:
+    """`numpy` or `torch`, whichever the array is of."""
+    return np if isinstance(rotations, np.ndarray) else sys.modules["torch"]
