@@ -223,7 +223,10 @@ class TpcReader(ClipReader):
 
 
 def place_points(bones: BoneSet, heads: np.ndarray, rotations: np.ndarray, sigma_m: float) -> np.ndarray:
-    """Positions of the bones' points: head + rotate(rotation, alpha * tail + sigma * offset).
+    """Positions of the bones' points: head + rotate(rotation, alpha * tail + sigma * offset) (PC-MRL eq. 3).
+
+    `stages.shared.pointcloud.drawn_points` has the same equation for torch, which this package must not load. The two
+    results differ by rounding: here one matrix product places all points, there each point has its own.
 
     Args:
         heads: (T, B, 3) metres.

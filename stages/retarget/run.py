@@ -21,13 +21,14 @@ from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
 from stages.shared.humanoid.retargeting import Retargeted, retarget
-from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.retarget_clouds import SIGMA_M, pull_to_places
 from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.outputs import check_file
+from stages.shared.pointcloud.drawn_points import draw_on_skeleton
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import pose_of_motion
 

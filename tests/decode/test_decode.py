@@ -17,9 +17,10 @@ from stages.decode.config import Config
 from stages.decode.run import group_counts, run
 from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
-from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.models import load_autoencoder
 from stages.shared.kinematics.resampling import resample
+from stages.shared.pointcloud.drawn_points import draw_on_skeleton
 from stages.shared.solve.skeleton_pose import pose_of_motion
 from tests.shared.inference.examples import humanoid, swinging, write_random_weights
 

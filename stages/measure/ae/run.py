@@ -19,7 +19,7 @@ from stages.measure.ae.methods import load_methods
 from stages.measure.ae.picture import Panel, cloud_picture
 from stages.measure.ae.summary import REFERENCE, Measured, summary_md, terminal_lines
 from stages.shared.contract import StageReport
-from stages.shared.inference.measured_clouds import MovingBones, draw_cloud, measured_windows, redraw_cloud
+from stages.shared.inference.measured_clouds import MovingBones, draw_on_window, measured_windows, redraw_on_window
 from stages.shared.inference.models import Autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.outputs import check_artefact
@@ -86,10 +86,10 @@ def _draws(windows: Sequence[MovingBones], points: int, config: Config) -> tuple
     clouds, others, groups = [], [], []
     for window in windows:
         rng = np.random.default_rng(window.seed(config.seed))
-        cloud = draw_cloud(window, points, rng)
-        groups.append(cloud.groups(window))
-        clouds.append(cloud.on(window, config.sigma_m))
-        others.append(redraw_cloud(window, groups[-1], rng).on(window, config.sigma_m))
+        drawn = draw_on_window(window, points, rng, config.sigma_m)
+        groups.append(drawn.groups)
+        clouds.append(window.cloud(drawn))
+        others.append(window.cloud(redraw_on_window(window, drawn.groups, rng, config.sigma_m)))
     return torch.stack(clouds), torch.stack(others), torch.stack(groups)
 
 

@@ -16,24 +16,28 @@ from data_schemas.clips import ClipRow
 from data_schemas.motion import skeleton_id
 from stages.shared.humanoid.retargeting import retarget
 from stages.shared.humanoid.rig_changes import RIGS, Rigged, with_other_proportions, with_stiff_spine
-from stages.shared.inference.measured_clouds import DrawnCloud, MovingBones, bones_of_motion, draw_cloud, spread_cloud
+from stages.shared.inference.measured_clouds import MovingBones, bones_of_motion, draw_on_window, spread_on_window
+from stages.shared.pointcloud.drawn_points import DrawnPoints
 
 
 @dataclass(frozen=True)
 class Scene:
     """A window and its cloud as they are, before any change.
 
-    rigged: the motion on its skeleton. bones: the same as moving bones. cloud: the points drawn on them.
-    points: how many. sigma_m: how far they are scattered.
+    rigged: the motion on its skeleton. bones: the same as moving bones. drawn: the points drawn on them.
     """
 
     row: ClipRow
     start: int
     rigged: Rigged
     bones: MovingBones
-    cloud: DrawnCloud
-    points: int
+    drawn: DrawnPoints
     sigma_m: float
+
+    @property
+    def points(self) -> int:
+        """How many points are drawn."""
+        return len(self.drawn.bones)
 
     def seed(self, base: int, change: int) -> np.random.Generator:
         """For the draws of a change."""
@@ -68,18 +72,18 @@ class Change:
 def scene_of(row: ClipRow, start: int, rigged: Rigged, points: int, sigma_m: float, seed: int) -> Scene:
     """The window with its first draw of points."""
     bones = bones_of_motion(row, start, rigged.skeleton, rigged.motion)
-    cloud = draw_cloud(bones, points, np.random.default_rng(bones.seed(seed)))
-    return Scene(row, start, rigged, bones, cloud, points, sigma_m)
+    drawn = draw_on_window(bones, points, np.random.default_rng(bones.seed(seed)), sigma_m)
+    return Scene(row, start, rigged, bones, drawn, sigma_m)
 
 
 def unchanged(scene: Scene) -> Encoded:
     """The base itself."""
-    return _one(scene.cloud, scene.bones, scene.sigma_m)
+    return _on(scene.bones, scene.drawn)
 
 
 def spread_evenly(scene: Scene, bones: MovingBones, rng: np.random.Generator) -> Encoded:
     """Points spread evenly over some bones, from a place drawn at random."""
-    return replace(_one(spread_cloud(bones, scene.points, rng), bones, scene.sigma_m), spread=True)
+    return replace(_on(bones, spread_on_window(bones, scene.points, rng, scene.sigma_m)), spread=True)
 
 
 def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
@@ -111,12 +115,13 @@ RETARGETED = "the same motion on another data set's skeleton, by `pumps retarget
 TURN = "the whole window turned about the vertical: the latent is meant to tell"
 
 
-def _one(cloud: DrawnCloud, bones: MovingBones, sigma_m: float) -> Encoded:
-    return Encoded(cloud.on(bones, sigma_m), cloud.groups(bones))
+def _on(bones: MovingBones, drawn: DrawnPoints) -> Encoded:
+    """The draw on these bones, whatever bones of the same number it was drawn on."""
+    return Encoded(bones.cloud(replace(drawn, tails=bones.tails)), drawn.groups)
 
 
 def _fresh(scene: Scene, bones: MovingBones, rng: np.random.Generator, points: int = 0) -> Encoded:
-    return _one(draw_cloud(bones, points or scene.points, rng), bones, scene.sigma_m)
+    return _on(bones, draw_on_window(bones, points or scene.points, rng, scene.sigma_m))
 
 
 def _later(frames: int) -> Callable[[Scene, np.random.Generator], Encoded]:
@@ -129,7 +134,7 @@ def _later(frames: int) -> Callable[[Scene, np.random.Generator], Encoded]:
 
 
 def _sigma(sigma_m: float) -> Callable[[Scene, np.random.Generator], Encoded]:
-    return lambda scene, rng: _one(scene.cloud, scene.bones, sigma_m)
+    return lambda scene, rng: _on(scene.bones, replace(scene.drawn, sigma_m=sigma_m))
 
 
 def _count(factor: float) -> Callable[[Scene, np.random.Generator], Encoded]:
@@ -139,7 +144,7 @@ def _count(factor: float) -> Callable[[Scene, np.random.Generator], Encoded]:
 def _size(size: float) -> Callable[[Scene, np.random.Generator], Encoded]:
     def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
         bones = replace(scene.bones, heads=scene.bones.heads * size, tails=scene.bones.tails * size)
-        return _one(scene.cloud, bones, scene.sigma_m)
+        return _on(bones, scene.drawn)
 
     return apply
 
@@ -147,7 +152,7 @@ def _size(size: float) -> Callable[[Scene, np.random.Generator], Encoded]:
 def _proportions(scene: Scene, rng: np.random.Generator) -> Encoded:
     changed = with_other_proportions(scene.rigged, rng)
     bones = bones_of_motion(scene.row, scene.start, changed.skeleton, changed.motion)
-    return _one(scene.cloud, bones, scene.sigma_m)
+    return _on(bones, scene.drawn)
 
 
 def _rig(

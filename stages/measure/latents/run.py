@@ -21,7 +21,7 @@ from stages.measure.latents.config import Config
 from stages.measure.latents.summary import Measured, summary_md, terminal_lines
 from stages.shared.contract import StageReport
 from stages.shared.humanoid.rig_changes import Rigged
-from stages.shared.inference.measured_clouds import redraw_cloud
+from stages.shared.inference.measured_clouds import redraw_on_window
 from stages.shared.inference.models import Autoencoder, load_autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample, resampled_frames
@@ -213,7 +213,7 @@ def _decoded(
 def _level(base: Base, seed: int) -> dict[str, float]:
     """How far another draw of the base's cloud is from it: what of the decoded clouds' distance is no error."""
     scene, groups = base.scene, base.truth.groups
-    other = redraw_cloud(scene.bones, groups, scene.seed(seed, 0)).on(scene.bones, scene.sigma_m)
+    other = scene.bones.cloud(redraw_on_window(scene.bones, groups, scene.seed(seed, 0), scene.sigma_m))
     apart = paired_difference(other.unsqueeze(0), base.truth.cloud.unsqueeze(0), groups.unsqueeze(0))
     whole, moving, _ = distances(apart)
     return {"level_mm": 1000 * float(whole), "level_moving_mm": 1000 * float(moving)}

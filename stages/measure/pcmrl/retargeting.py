@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -15,8 +16,9 @@ from data_schemas.skeleton import BODY_GROUPS
 from data_schemas.tpc import BoneSet, TpcReader
 from stages.measure.pcmrl.config import Config
 from stages.measure.pcmrl.named import category_of, named
+from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.pointcloud.knn_loss import nearest_trajectories
-from stages.shared.pointcloud.sampling import draw_points, place_points, points_in_bone
+from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.progress import Progress
 from stages.shared.statistics.tasks import RETARGETING
 from stages.shared.statistics.windows import Window, chosen_windows
@@ -107,14 +109,11 @@ def _figures(
 def _clouds(moving: Moving, config: Config, seed: Sequence[int]) -> tuple[list[Tensor], Tensor]:
     """The same draw of points scattered by every sigma, (T, P, 3) each, and the points' groups (P,)."""
     bones, heads, rotations = moving
-    drawn = draw_points(bones.weights, config.points, np.random.default_rng(seed))
-    rides, alphas, offsets = (torch.from_numpy(part) for part in drawn)
-    tails = torch.from_numpy(bones.tails)
-    clouds = [
-        place_points(heads, rotations, rides, points_in_bone(tails, rides, alphas, offsets, sigma))
-        for sigma in config.sigmas_m
-    ]
-    return clouds, torch.from_numpy(bones.groups.astype(np.int64))[rides.long()]
+    draw = draw_points(bones.weights, config.points, np.random.default_rng(seed))
+    rides, alphas, offsets = (torch.from_numpy(part) for part in draw)
+    groups = torch.from_numpy(bones.groups.astype(np.int64))[rides.long()]
+    drawn = DrawnPoints(rides, alphas, offsets, groups, torch.from_numpy(bones.tails), 0.0)
+    return [replace(drawn, sigma_m=sigma).place(heads, rotations) for sigma in config.sigmas_m], groups
 
 
 def end_distance(one: Moving, other: Moving) -> float:

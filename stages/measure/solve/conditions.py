@@ -13,7 +13,8 @@ from torch import Tensor
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
 from stages.measure.solve.config import Config
 from stages.measure.solve.rigs import RIGS, Rigged, with_other_proportions
-from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.clouds import place_on_pose
+from stages.shared.pointcloud.drawn_points import draw_on_skeleton
 from stages.shared.solve.following import FollowOptions
 from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.solving import SolveOptions

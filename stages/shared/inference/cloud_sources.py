@@ -18,11 +18,12 @@ from torch import Tensor
 
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.inference.clouds import DrawnPoints, draw_on_skeleton, place_on_pose, spread_on_skeleton
+from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.confidence import Confidence
 from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MIRRORED_GROUP, MODEL_FPS
 from stages.shared.kinematics.plain_interpolation import Glide
+from stages.shared.pointcloud.drawn_points import DrawnPoints, draw_on_skeleton, spread_on_skeleton
 from stages.shared.pointcloud.heading import turned
 from stages.shared.solve.binding import Binding, bind_points
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion

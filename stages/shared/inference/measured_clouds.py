@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,8 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import ClipRow, TpcReader
 from stages.shared.kinematics.forward import positions_of
-from stages.shared.pointcloud.sampling import place_points, points_in_bone, spread_points
+from stages.shared.pointcloud.drawn_points import DrawnPoints
+from stages.shared.pointcloud.sampling import draw_points, spread_points
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.windows import Window, chosen_windows
 
@@ -39,25 +40,9 @@ class MovingBones:
         """Seeds a generator for this window's own draws, whatever else is measured."""
         return [base, zlib.crc32(self.row.clip.encode("utf-8", "surrogateescape")), self.start]
 
-
-@dataclass(frozen=True)
-class DrawnCloud:
-    """Points drawn on bones: bones (P,), alphas (P,) and standard normal offsets (P, 3), so that the same draw can
-    be scattered wider or put on another body."""
-
-    bones: np.ndarray
-    alphas: np.ndarray
-    offsets: np.ndarray
-
-    def groups(self, window: MovingBones) -> Tensor:
-        """(P,) int64 body groups."""
-        return torch.from_numpy(window.groups[self.bones].astype(np.int64))
-
-    def on(self, window: MovingBones, sigma_m: float) -> Tensor:
-        """(T, P, 3) metres."""
-        bones, alphas, offsets = (torch.from_numpy(part) for part in (self.bones, self.alphas, self.offsets))
-        in_bone = points_in_bone(window.tails, bones, alphas, offsets, sigma_m)
-        return place_points(window.heads, window.rotations, bones, in_bone)
+    def cloud(self, drawn: DrawnPoints) -> Tensor:
+        """(T, P, 3) metres, where the points of a draw on these bones are."""
+        return drawn.place(self.heads, self.rotations)
 
 
 def measured_windows(reader: TpcReader, splits: Sequence[str], frames: int, limit: int) -> list[MovingBones]:
@@ -116,20 +101,18 @@ def bones_of_motion(row: ClipRow, start: int, skeleton: Skeleton, motion: Motion
     )
 
 
-def draw_cloud(window: MovingBones, points: int, rng: np.random.Generator) -> DrawnCloud:
+def draw_on_window(window: MovingBones, points: int, rng: np.random.Generator, sigma_m: float) -> DrawnPoints:
     """Points on the window's bones, each bone in proportion to its weight."""
-    share = window.weights.astype(np.float64)
-    return _with_places(rng.choice(len(share), size=points, p=share / share.sum()), rng)
+    return _on_window(window, map(torch.from_numpy, draw_points(window.weights, points, rng)), sigma_m)
 
 
-def spread_cloud(window: MovingBones, points: int, rng: np.random.Generator) -> DrawnCloud:
+def spread_on_window(window: MovingBones, points: int, rng: np.random.Generator, sigma_m: float) -> DrawnPoints:
     """Points spread evenly over the window's bones (`spread_points`), from a place drawn at random."""
     weights = torch.from_numpy(np.asarray(window.weights, np.float64))
-    bones, alphas, offsets = (part.numpy() for part in spread_points(weights, points, torch.tensor(rng.random())))
-    return DrawnCloud(bones, alphas, offsets)
+    return _on_window(window, spread_points(weights, points, torch.tensor(rng.random())), sigma_m)
 
 
-def redraw_cloud(window: MovingBones, groups: Tensor, rng: np.random.Generator) -> DrawnCloud:
+def redraw_on_window(window: MovingBones, groups: Tensor, rng: np.random.Generator, sigma_m: float) -> DrawnPoints:
     """Other points, of the body groups given (P,), on the window's bones."""
     wanted = groups.numpy()
     bones = np.empty(len(wanted), np.int64)
@@ -139,9 +122,12 @@ def redraw_cloud(window: MovingBones, groups: Tensor, rng: np.random.Generator) 
         if not share.sum() > 0:
             raise InputError(f"A skeleton of {window.row.clip} has no bone of the body group {int(group)}.")
         bones[members] = rng.choice(len(share), size=int(members.sum()), p=share / share.sum())
-    return _with_places(bones, rng)
-
-
-def _with_places(bones: np.ndarray, rng: np.random.Generator) -> DrawnCloud:
     alphas = rng.uniform(0, 1, len(bones)).astype(np.float32)
-    return DrawnCloud(bones.astype(np.int64), alphas, rng.standard_normal((len(bones), 3)).astype(np.float32))
+    offsets = rng.standard_normal((len(bones), 3)).astype(np.float32)
+    return _on_window(window, map(torch.from_numpy, (bones, alphas, offsets)), sigma_m)
+
+
+def _on_window(window: MovingBones, draw: Iterable[Tensor], sigma_m: float) -> DrawnPoints:
+    bones, alphas, offsets = draw
+    groups = torch.from_numpy(window.groups[bones.numpy()].astype(np.int64))
+    return DrawnPoints(bones, alphas, offsets, groups, window.tails, sigma_m)

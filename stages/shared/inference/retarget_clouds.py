@@ -63,7 +63,7 @@ def pull_to_places(
     return replace_rows(target, turned.motion, corrected, np.arange(motion.frames))
 
 
-class _Drawn(NamedTuple):
+class _MatchedPoints(NamedTuple):
     """P points on the limbs: the bone each rides on and its place in the bone's frame, on both figures."""
 
     source_bones: np.ndarray
@@ -79,7 +79,7 @@ def _answering_points(
     turned: Retargeted,
     points: int,
     rng: np.random.Generator,
-) -> _Drawn:
+) -> _MatchedPoints:
     """Points at the same share of the way down answering pieces, and at the same place around them in the pose that
     both figures share at the reference frame."""
     pieces = [piece for group in LIMBS for piece in match_limb(source, target, group)]
@@ -90,7 +90,7 @@ def _answering_points(
     shared = turned.source_frame
     world = Rotation.from_quat(turned.motion.rotations[shared, ours.bones]).apply(out)
     back = Rotation.from_quat(motion.rotations[shared, theirs.bones]).inv().apply(world / turned.size)
-    return _Drawn(theirs.bones, theirs.points + back, ours.bones, ours.points + out)
+    return _MatchedPoints(theirs.bones, theirs.points + back, ours.bones, ours.points + out)
 
 
 class _Along(NamedTuple):

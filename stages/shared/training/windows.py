@@ -17,7 +17,8 @@ from data_schemas.errors import InputError
 from data_schemas.tpc import TpcReader
 from stages.shared.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
 from stages.shared.kinematics.device import onto
-from stages.shared.pointcloud.sampling import place_points, points_in_bone, spread_points
+from stages.shared.pointcloud.drawn_points import DrawnPoints
+from stages.shared.pointcloud.sampling import spread_points
 from stages.shared.training.frame_cache import FrameCache
 from stages.shared.training.proportions import with_other_proportions
 from stages.shared.training.task import rows_of
@@ -208,27 +209,25 @@ def _clip_shares(sources: Sequence[str], lengths: np.ndarray, balance: float) ->
 
 
 @dataclass
-class CloudMap:
+class CloudDraws:
     """Random draws that turn windows of transforms into clouds; a motion and its interpolation use the same draws.
 
-    bones (B, P) int64, in_bone (B, P, 3), groups (B, P) int64 after mirroring, sigma (B,) metres, turn (B, 3, 3) of
-    yaw, mirror and size, shift (B, 1, 1, 3) metres.
+    drawn: P points on each window's bones, their groups after mirroring. turn: (B, 3, 3) of yaw, mirror and size.
+    shift: (B, 1, 1, 3) metres.
     """
 
-    bones: Tensor
-    in_bone: Tensor
-    groups: Tensor
-    sigma: Tensor
+    drawn: DrawnPoints
     turn: Tensor
     shift: Tensor
 
-    def redrawn(self, windows: Windows, rng: np.random.Generator) -> CloudMap:
+    def redrawn(self, windows: Windows, rng: np.random.Generator) -> CloudDraws:
         """Another draw of points, with the same number in each body group and the same placement."""
-        same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.bones).unsqueeze(2)).float()
-        draws = [_draw_points(row, self.bones.shape[1]) for row in rows_of(rng, len(self.bones))]
+        same_group = (windows.groups.unsqueeze(1) == windows.groups.gather(1, self.drawn.bones).unsqueeze(2)).float()
+        count = self.drawn.bones.shape[1]
+        draws = [_draw_points(row, count) for row in rows_of(rng, len(self.drawn.bones))]
         chance, alphas, offsets = _stacked(draws, windows.heads.device)
         bones = _chosen(windows.weights.unsqueeze(1) * same_group, chance.unsqueeze(2)).squeeze(2)
-        return replace(self, bones=bones, in_bone=points_in_bone(windows.tails, bones, alphas, offsets, self.sigma))
+        return replace(self, drawn=replace(self.drawn, bones=bones, alphas=alphas, offsets=offsets))
 
 
 def draw_clouds(
@@ -240,7 +239,7 @@ def draw_clouds(
     augment: bool,
     even: bool = False,
     as_recorded: np.ndarray | None = None,
-) -> CloudMap:
+) -> CloudDraws:
     """Draw points and a placement for each window, from its own generator (`rows_of`).
 
     The placement is a yaw over the whole circle and a shift of up to half a metre along each axis; with `augment`
@@ -258,7 +257,6 @@ def draw_clouds(
         bones = _chosen(windows.weights, chance)
     placing = np.stack([row.random(7) for row in rows])
     sigma = onto(torch.from_numpy(sigma_m[0] + (sigma_m[1] - sigma_m[0]) * placing[:, 0]).float(), device)
-    in_bone = points_in_bone(windows.tails, bones, alphas, offsets, sigma)
     groups = torch.gather(windows.groups, 1, bones)
     size = np.where(_other(augment, as_recorded, len(rows)), _log_uniform(_SIZE, placing[:, 1]), 1.0)
     flip = placing[:, 2] < 0.5 if augment else np.zeros(len(rows), bool)
@@ -266,7 +264,7 @@ def draw_clouds(
     mirrored = onto(torch.tensor(MIRRORED_GROUP), device)[groups]
     groups = torch.where(onto(torch.from_numpy(flip), device).unsqueeze(1), mirrored, groups)
     shift = onto(torch.from_numpy(placing[:, 4:] - 0.5).float(), device).view(-1, 1, 1, 3)
-    return CloudMap(bones, in_bone, groups, sigma, turn, shift)
+    return CloudDraws(DrawnPoints(bones, alphas, offsets, groups, windows.tails, sigma), turn, shift)
 
 
 def _other(augment: bool, as_recorded: np.ndarray | None, batch: int) -> np.ndarray:
@@ -309,9 +307,9 @@ def _turns(yaw: np.ndarray, size: np.ndarray, flip: np.ndarray) -> np.ndarray:
     return turn * size[:, None, None]
 
 
-def clouds_of(heads: Tensor, rotations: Tensor, cloud: CloudMap, centre: Tensor) -> Tensor:
+def clouds_of(heads: Tensor, rotations: Tensor, cloud: CloudDraws, centre: Tensor) -> Tensor:
     """Points (B, T, P, 3) of transforms with the draws of `cloud`; `centre` (B, 1, 1, 3) is moved to the origin."""
-    placed = place_points(heads - centre, rotations, cloud.bones, cloud.in_bone)
+    placed = cloud.drawn.place(heads - centre, rotations)
     return placed @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
 
 

@@ -76,7 +76,7 @@ class CloudDrawer:
         batches = []
         for _ in range(copies):
             points = clouds_of(windows.heads, windows.rotations, cloud, centre)
-            batches.append(CloudBatch(points, cloud.groups, windows.valid))
+            batches.append(CloudBatch(points, cloud.drawn.groups, windows.valid))
             cloud = cloud.redrawn(windows, rng)
         return batches
 

@@ -117,4 +117,4 @@ def clouds_with_base(
             glide=Glide(sizes.glide_root_s, sizes.glide_turn_s).in_frames(MODEL_FPS),
         )
         base = clouds_of(*plain, cloud, centre)
-    return FillBatch(points, base, cloud.groups, known, windows.valid)
+    return FillBatch(points, base, cloud.drawn.groups, known, windows.valid)

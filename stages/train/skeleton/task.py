@@ -15,11 +15,12 @@ from torch import Tensor
 from stages.shared.kinematics.conventions import MIRRORED_GROUP
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.skeleton_losses import end_bones, end_effector_loss, roll_loss, unit_quaternion_loss
-from stages.shared.networks.pcmrl.skeleton_network import OwnPoints, Pose, SkeletonNetwork, draw_own_points
+from stages.shared.networks.pcmrl.skeleton_network import Pose, SkeletonNetwork, draw_own_points
+from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
 from stages.shared.pointcloud.rig import Rig
 from stages.shared.training.task import RowRandom, Task, rows_of
-from stages.shared.training.windows import CloudMap, Windows, clouds_of, draw_clouds, known_centre
+from stages.shared.training.windows import CloudDraws, Windows, clouds_of, draw_clouds, known_centre
 from stages.train.skeleton.config import Config
 from stages.train.skeleton.sources import MixedPool
 
@@ -64,7 +65,7 @@ class SourceDrawer:
             cloud = resized(cloud, torch.from_numpy(size).float())
         return self.batch(windows, cloud)
 
-    def batch(self, windows: Windows, cloud: CloudMap) -> SourceBatch:
+    def batch(self, windows: Windows, cloud: CloudDraws) -> SourceBatch:
         centre = known_centre(windows.heads, windows.valid)
         points = clouds_of(windows.heads, windows.rotations, cloud, centre)
         heads = (windows.heads - centre) @ cloud.turn.transpose(1, 2).unsqueeze(1) + cloud.shift
@@ -76,9 +77,9 @@ class SourceDrawer:
         flipped = torch.linalg.det(cloud.turn) < 0
         ends = torch.where(flipped.unsqueeze(1), ends[:, list(MIRRORED_GROUP)], ends)
         index = ends.clamp_min(0)[:, None, :, None].expand(-1, heads.shape[1], -1, 3)
-        sigma = cloud.sigma * torch.linalg.det(cloud.turn).abs().pow(1 / 3)
+        sigma = cloud.drawn.sigma_m * torch.linalg.det(cloud.turn).abs().pow(1 / 3)
         return SourceBatch(
-            points, cloud.groups, sigma, windows.valid, heads, torch.gather(heads, 2, index), ends >= 0
+            points, cloud.drawn.groups, sigma, windows.valid, heads, torch.gather(heads, 2, index), ends >= 0
         )
 
 
@@ -142,11 +143,11 @@ class SkeletonTask(Task[SkeletonNetwork]):
         pairs = (batch.has_end & there).to(self.device)
         return end_effector_loss(ends, batch.ends.to(self.device), pairs, batch.valid.to(self.device))
 
-    def _cloud_terms(self, batch: SourceBatch, own: OwnPoints, pose: Pose) -> dict[str, Tensor]:
+    def _cloud_terms(self, batch: SourceBatch, own: DrawnPoints, pose: Pose) -> dict[str, Tensor]:
         """Distances of the source's cloud and the rig's: places, shapes of body groups, velocities."""
         config = self.config
         source, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
-        made = own.on(pose)
+        made = own.place(pose.heads, pose.rotations)
         near = nearest_trajectories(source, made, groups, own.groups, valid, config.neighbours)
         terms = {"knn": near.means().mean()}
         if config.back_weight:
@@ -172,7 +173,7 @@ class SkeletonTask(Task[SkeletonNetwork]):
         pose = self._pose(batch)
         own = draw_own_points(self.rig.body, batch.sigma, batch.groups, generator)
         source, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
-        near = nearest_trajectories(source, own.on(pose), groups, own.groups, valid)
+        near = nearest_trajectories(source, own.place(pose.heads, pose.rotations), groups, own.groups, valid)
         other = self.redrawn
         floor = nearest_trajectories(
             source, other.points.to(self.device), groups, other.groups.to(self.device), valid
@@ -193,7 +194,7 @@ class SkeletonTask(Task[SkeletonNetwork]):
         return 1000 * float((apart * keep).sum() / keep.sum())
 
 
-def resized(cloud: CloudMap, size: Tensor) -> CloudMap:
+def resized(cloud: CloudDraws, size: Tensor) -> CloudDraws:
     """The same draws with figures scaled to `size` (B,) of their own, whatever size was drawn before."""
     before = torch.linalg.det(cloud.turn).abs().pow(1 / 3)
     return replace(cloud, turn=cloud.turn * (size / before).view(-1, 1, 1))

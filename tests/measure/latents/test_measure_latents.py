@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_changes_change_what_they_say(scene):
     torch.testing.assert_close(
         applied["turned by 15 degrees, same draw"].cloud.norm(dim=-1), base.norm(dim=-1), atol=1e-5, rtol=1e-5
     )
-    bones = scene.cloud.on(scene.bones, 0.0)
+    bones = scene.bones.cloud(replace(scene.drawn, sigma_m=0.0))
     near, far = ((applied[f"sigma {s:g} m, same draw"].cloud - bones).norm(dim=-1) for s in (0.025, 0.075))
     torch.testing.assert_close(far, 3 * near, atol=1e-5, rtol=1e-4)
     assert applied["half the points"].cloud.shape[1] == 32

@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion
 from stages.shared.inference.cloud_sources import GivenLatents, ReconstructedClouds, SynthesisedClouds, TrueClouds
-from stages.shared.inference.clouds import place_on_pose, spread_on_skeleton
+from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.confidence import SHAPE, Confidence
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import load_weights
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.pointcloud.drawn_points import spread_on_skeleton
 from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.solving import SolveOptions
 from tests.shared.inference.examples import humanoid, swinging, write_random_weights

@@ -6,9 +6,10 @@ import torch
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion
-from stages.shared.inference.clouds import DrawnPoints, place_on_pose
+from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.skeleton_decoding import RigNetwork, decode_cloud, load_rig_network, solve_from_network
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.solve.skeleton_pose import pose_of_motion
 from tests.shared.inference.examples import swinging, write_random_weights
 from tests.shared.inference.rig_networks import write_random_rig_network
@@ -62,8 +63,9 @@ def test_the_solve_makes_points_stand_still_in_their_bones(network):
     rng = np.random.default_rng(0)
     joints = np.flatnonzero(skeleton.sampled)
     bones = rng.choice(joints, 200)
-    in_bone = torch.as_tensor(skeleton.tails[bones] * rng.uniform(size=(200, 1)) + 0.04 * rng.normal(size=(200, 3)))
-    drawn = DrawnPoints(torch.as_tensor(bones), in_bone.float(), torch.as_tensor(skeleton.groups[bones]).long())
+    alphas, offsets = (torch.as_tensor(part).float() for part in (rng.uniform(size=200), rng.normal(size=(200, 3))))
+    tails, groups = torch.as_tensor(skeleton.tails).float(), torch.as_tensor(skeleton.groups[bones]).long()
+    drawn = DrawnPoints(torch.as_tensor(bones), alphas, offsets, groups, tails, 0.04)
     points = place_on_pose(drawn, pose_of_motion(skeleton, truth), skeleton)
 
     class Jittering(RigNetwork):

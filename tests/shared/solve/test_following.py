@@ -11,8 +11,9 @@ import torch
 
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.clouds import place_on_pose
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.pointcloud.drawn_points import draw_on_skeleton
 from stages.shared.solve.following import FollowOptions, follow_cloud
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.scaling import fit_cloud, spread_scale

@@ -7,7 +7,8 @@ import pytest
 import roma
 import torch
 
-from stages.shared.inference.clouds import draw_on_skeleton, place_on_pose
+from stages.shared.inference.clouds import place_on_pose
+from stages.shared.pointcloud.drawn_points import draw_on_skeleton
 from stages.shared.solve.binding import Binding, bind_points, carry_points
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solve_equations import Pose, base_of, build_chain, linearise

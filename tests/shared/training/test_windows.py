@@ -93,9 +93,9 @@ def test_mirroring_exchanges_left_and_right_and_keeps_distances(pool):
     cloud = draw_clouds(windows, 16, (0.05, 0.05), rng, augment=True)
     flips = torch.linalg.det(cloud.turn) < 0
     assert flips.any() and not flips.all()
-    drawn = windows.groups.gather(1, cloud.bones)
-    assert (cloud.groups[~flips] == drawn[~flips]).all()
-    assert (cloud.groups[flips] == torch.tensor([0, 2, 1, 4, 3])[drawn[flips]]).all()
+    drawn = windows.groups.gather(1, cloud.drawn.bones)
+    assert (cloud.drawn.groups[~flips] == drawn[~flips]).all()
+    assert (cloud.drawn.groups[flips] == torch.tensor([0, 2, 1, 4, 3])[drawn[flips]]).all()
     centre = known_centre(windows.heads, windows.valid)
     points = clouds_of(windows.heads, windows.rotations, cloud, centre)
     size = torch.linalg.det(cloud.turn).abs() ** (1 / 3)
@@ -128,8 +128,8 @@ def test_redrawn_points_keep_their_groups(pool):
     windows = pool.draw(4, 4, rng, augment=False)
     cloud = draw_clouds(windows, 30, (0.05, 0.05), rng, augment=False)
     again = cloud.redrawn(windows, rng)
-    assert (windows.groups.gather(1, again.bones) == windows.groups.gather(1, cloud.bones)).all()
-    assert (again.in_bone != cloud.in_bone).any()
+    assert (windows.groups.gather(1, again.drawn.bones) == windows.groups.gather(1, cloud.drawn.bones)).all()
+    assert (again.drawn.in_bone != cloud.drawn.in_bone).any()
 
 
 def test_points_spread_evenly_follow_from_each_windows_own_generator(pool):
@@ -139,9 +139,10 @@ def test_points_spread_evenly_follow_from_each_windows_own_generator(pool):
         draw_clouds(windows, 30, (0.05, 0.05), step_random(0, 1, seed, range(6)), augment=False, even=True)
         for seed in (5, 5, 6)
     ]
-    assert (clouds[0].in_bone == clouds[1].in_bone).all() and (clouds[0].in_bone != clouds[2].in_bone).any()
-    assert (windows.groups.gather(1, clouds[0].bones) == clouds[0].groups).all()
-    held = (windows.weights > 0).gather(1, clouds[0].bones)
+    first, again, other = (cloud.drawn.in_bone for cloud in clouds)
+    assert (first == again).all() and (first != other).any()
+    assert (windows.groups.gather(1, clouds[0].drawn.bones) == clouds[0].drawn.groups).all()
+    held = (windows.weights > 0).gather(1, clouds[0].drawn.bones)
     assert held.all()
 
 

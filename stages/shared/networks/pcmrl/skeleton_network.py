@@ -24,9 +24,9 @@ from stages.shared.networks.layers.attention import TimeLayer
 from stages.shared.networks.layers.row_generator import draw_normal, draw_uniform
 from stages.shared.networks.layers.sizes import EncoderSizes, SkeletonSizes
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
+from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.pointcloud.heading import headings_of, turned, yaw_quaternions
 from stages.shared.pointcloud.rig import RigBody, pose_heads
-from stages.shared.pointcloud.sampling import place_points, points_in_bone
 
 UPPER = (0, 1, 2, 4, 5, 8)  # of a symmetric 3 x 3 matrix
 MOMENTS = GROUPS * (3 + len(UPPER))
@@ -137,19 +137,7 @@ def group_moments(points: Tensor, groups: Tensor) -> Tensor:
     return torch.cat([means, 4 * torch.bmm(share, squares)], dim=-1).flatten(1)
 
 
-class OwnPoints(NamedTuple):
-    """Points drawn on a rig's body: bones (B, P), in_bone (B, P, 3) metres, groups (B, P)."""
-
-    bones: Tensor
-    in_bone: Tensor
-    groups: Tensor
-
-    def on(self, pose: Pose) -> Tensor:
-        """Where they are on a pose, (B, T, P, 3) metres."""
-        return place_points(pose.heads, pose.rotations, self.bones, self.in_bone)
-
-
-def draw_own_points(body: RigBody, sigma: Tensor, groups: Tensor, generator: torch.Generator) -> OwnPoints:
+def draw_own_points(body: RigBody, sigma: Tensor, groups: Tensor, generator: torch.Generator) -> DrawnPoints:
     """Points on the body's bones, of the body groups asked for, in proportion to the bones' lengths (eq. 3).
 
     Args:
@@ -168,5 +156,4 @@ def draw_own_points(body: RigBody, sigma: Tensor, groups: Tensor, generator: tor
     bones = torch.searchsorted(ends, place, right=True).squeeze(-1)
     alphas = draw_uniform(shape, generator, device)
     offsets = draw_normal((*shape, 3), generator, device)
-    in_bone = points_in_bone(tails.expand(batch, -1, 3), bones, alphas, offsets, sigma.to(device))
-    return OwnPoints(bones, in_bone, groups_of[bones])
+    return DrawnPoints(bones, alphas, offsets, groups_of[bones], tails.expand(batch, -1, 3), sigma.to(device))

@@ -111,7 +111,7 @@ def test_own_points_ride_on_the_pose(network, body):
     pose = network(*cloud(), TIMES)
     asked = torch.arange(40).expand(2, -1) % 5
     own = draw_own_points(body, torch.tensor([0.0, 0.05]), asked, torch.Generator().manual_seed(0))
-    points = own.on(pose)
+    points = own.place(pose.heads, pose.rotations)
     assert points.shape == (2, 7, 40, 3)
     heads, turns = pose.heads[0][:, own.bones[0]], pose.rotations[0][:, own.bones[0]]
     torch.testing.assert_close(points[0], heads + roma.quat_action(turns, own.in_bone[0].expand(7, -1, 3)))
