@@ -23,7 +23,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import rig_and_poses
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
+from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of, motion_of_poses
 from stages.shared.formats.sources import find_sources
 from stages.shared.humanoid.anatomy import parts_of_skeleton
 from stages.shared.humanoid.facing import SIGNS, BodyPoses, bone_tips, find_facing
@@ -42,7 +42,7 @@ HEADS = (
 MOST_FRAMES = 1500
 
 
-def rigs(archives: list[str], most: int) -> Iterator[tuple[str, Rig, Poses]]:
+def rigs(archives: list[str], most: int) -> Iterator[tuple[str, SourceRig, SourcePoses]]:
     """(set, rig, poses) of every clip that is looked at."""
     for name in WRITTEN:
         written = written_rig(name)
@@ -57,14 +57,14 @@ def rigs(archives: list[str], most: int) -> Iterator[tuple[str, Rig, Poses]]:
             yield label, *rig_and_poses(bvh)
 
 
-def one_frame(poses: Poses) -> Poses:
+def one_frame(poses: SourcePoses) -> SourcePoses:
     """The frame midway alone."""
     at = slice(len(poses.local) // 2, len(poses.local) // 2 + 1)
     tracks = poses.tracks[at] if len(poses.moving) else poses.tracks
     return replace(poses, local=poses.local[at], root=poses.root[at], tracks=tracks)
 
 
-def is_found(named: Skeleton, rig: Rig, poses: Poses, change: str, seed: int) -> bool:
+def is_found(named: Skeleton, rig: SourceRig, poses: SourcePoses, change: str, seed: int) -> bool:
     """Whether the changed rig has the groups that the names told."""
     poses = one_frame(poses) if change == "one frame" else poses
     rig, poses, order = changed(rig, poses, change, np.random.default_rng(seed))
@@ -75,7 +75,7 @@ def is_found(named: Skeleton, rig: Rig, poses: Poses, change: str, seed: int) ->
     return bool((found.groups == named.groups[order]).all() and order[found.root] == named.root)
 
 
-def signs_of(rig: Rig, poses: Poses) -> dict[str, float]:
+def signs_of(rig: SourceRig, poses: SourcePoses) -> dict[str, float]:
     """What each sign of facing says on its own of a clip whose sides the names tell: positive is right."""
     skeleton, motion, _ = motion_of_poses(body_of(rig), poses)
     step = max(1, round(0.2 * motion.fps))

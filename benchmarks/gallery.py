@@ -31,9 +31,9 @@ from stages.report import run as report_run
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
-from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.readers import read_recordings, recognise
 from stages.shared.formats.recording import Asked, recording_of
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 from stages.shared.formats.sources import source_named
 from stages.shared.humanoid.rig_changes import RIGS, Rigged
 from stages.shared.kinematics.conventions import MODEL_FPS
@@ -190,12 +190,12 @@ def on_changed_rig(skeleton: Skeleton, motion: Motion) -> tuple[Skeleton, Motion
     made = RIGS[CHANGED](Rigged(skeleton, motion), np.random.default_rng(0))
     body, moved = made.skeleton, made.motion
     placed = np.isin(np.arange(body.joints), moved.track_joints) | (body.parents < 0)
-    rig = Rig(
+    rig = SourceRig(
         body.names, tuple(body.parents.tolist()), tuple(map(tuple, body.offsets.tolist())),
         tuple(map(tuple, body.tails.tolist())), tuple(placed.tolist()), unit_m=1.0, up_axis="y",
     )  # fmt: skip
     local = local_rotations(torch.as_tensor(moved.rotations), body.parents).numpy()
-    poses = Poses(local, moved.root_positions, moved.fps, moved.track_joints.tolist(), moved.tracks)
+    poses = SourcePoses(local, moved.root_positions, moved.fps, moved.track_joints.tolist(), moved.tracks)
     recording = recording_of("the changed rig", rig, poses, Asked())
     return recording.skeleton, recording.motion
 

@@ -43,10 +43,10 @@ _HEAD = (
     "| feet slide, source | solve | frames/s |"
 )
 
-Figure = tuple[Skeleton, Motion]
+Body = tuple[Skeleton, Motion]
 
 
-def figures_of(named: Sequence[str]) -> dict[str, Figure]:
+def bodies_of(named: Sequence[str]) -> dict[str, Body]:
     if not named:
         return _embedded()
     found = {}
@@ -58,7 +58,7 @@ def figures_of(named: Sequence[str]) -> dict[str, Figure]:
     return found
 
 
-def _embedded() -> dict[str, Figure]:
+def _embedded() -> dict[str, Body]:
     folder = Path(stages.shared.clips.__file__).parent
     walk, dance = (motion_of(read_bvh((folder / f"{n}.bvh").read_bytes(), n))[:2] for n in ("walk", "dance_a"))
     skeleton = dance[0]
@@ -70,7 +70,7 @@ def _embedded() -> dict[str, Figure]:
     return {"walk": walk, "dance, other limbs": (replace(skeleton, offsets=offsets, tails=tails), dance[1])}
 
 
-def ends_apart_mm(source: Figure, target: Figure, turned: Retargeted) -> tuple[float, float]:
+def ends_apart_mm(source: Body, target: Body, turned: Retargeted) -> tuple[float, float]:
     """Mean distance of the forearms' ends and of the shins' from where the source has them, in the target's size."""
     apart = []
     for group in LIMBS:
@@ -82,22 +82,22 @@ def ends_apart_mm(source: Figure, target: Figure, turned: Retargeted) -> tuple[f
     return float(np.mean(apart[:2])), float(np.mean(apart[2:]))
 
 
-def _tail(figure: Figure, bone: int) -> np.ndarray:
-    skeleton, motion = figure
+def _tail(body: Body, bone: int) -> np.ndarray:
+    skeleton, motion = body
     tails = Rotation.from_quat(motion.rotations[:, bone]).apply(skeleton.tails[bone])
     return positions_of(skeleton, motion)[:, bone] + tails
 
 
-def skate_of(figure: Figure) -> float:
-    skeleton, motion = figure
+def skate_of(body: Body) -> float:
+    skeleton, motion = body
     feet, positions = find_feet(skeleton), positions_of(skeleton, motion)
     return foot_skate_mps(positions, detect_contacts(positions, feet, motion.fps), feet, motion.fps)
 
 
-def table(figures: dict[str, Figure]) -> str:
+def table(bodies: dict[str, Body]) -> str:
     lines = [_HEAD, "|---|---|" + "---:|" * (_HEAD.count("|") - 3)]
-    for one, other in permutations(figures, 2):
-        source, (skeleton, poses) = figures[one], figures[other]
+    for one, other in permutations(bodies, 2):
+        source, (skeleton, poses) = bodies[one], bodies[other]
         began = time.perf_counter()
         turned = retarget(*source, skeleton, poses)
         solved = (skeleton, pull_to_places(*source, skeleton, turned))
@@ -122,12 +122,12 @@ def of_archives(folder: Path) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("figures", nargs="*", metavar="NAME=FILE")
+    parser.add_argument("bodies", nargs="*", metavar="NAME=FILE")
     parser.add_argument("--page", type=Path, help="a page whose section is to be replaced")
     parser.add_argument("--archives", type=Path, help="folder of archives that lend a motion each, if they are there")
     options = parser.parse_args()
     lent = of_archives(options.archives) if options.archives else []
-    made = table(figures_of([*options.figures, *lent]))
+    made = table(bodies_of([*options.bodies, *lent]))
     if options.page:
         replace_section(options.page, SECTION, made)
     print(made)

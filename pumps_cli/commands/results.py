@@ -26,7 +26,7 @@ def command(
     from data_schemas.manifest import open_artefact
     from data_schemas.metrics import read_metrics
     from stages.shared.statistics.feel_tables import feel_lines
-    from stages.shared.statistics.figures import METRICS
+    from stages.shared.statistics.measurements import METRICS
     from stages.shared.statistics.tables import cells, terminal_lines
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)

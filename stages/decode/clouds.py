@@ -14,12 +14,12 @@ from data_schemas.latent import ClipRow, LatentReader
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.kinematics.conventions import MODEL_FPS
 
-# Points of each body group where no skeleton says how long its bones are: shares of a human figure's bone lengths.
+# Points of each body group where no skeleton says how long its bones are: shares of a human body's bone lengths.
 GROUP_SHARES = (0.16, 0.155, 0.155, 0.265, 0.265)
 
 
 def group_counts(points: int) -> np.ndarray:
-    """(P,) int64 body groups of `points` points, in the shares of a human figure, as whole numbers."""
+    """(P,) int64 body groups of `points` points, in the shares of a human body, as whole numbers."""
     edges = np.rint(np.cumsum(GROUP_SHARES) / sum(GROUP_SHARES) * points).astype(np.int64)
     return np.repeat(np.arange(len(BODY_GROUPS)), np.diff(edges, prepend=0))
 

@@ -25,10 +25,10 @@ from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.feel import TrueFeet, feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines
-from stages.shared.statistics.figures import (
+from stages.shared.statistics.measurements import (
     POWER_WEIGHTED,
     TRUTH,
-    Figures,
+    Measurements,
     Truth,
     hip_joints,
     measure,
@@ -48,7 +48,7 @@ class _Tally:
 
     values: dict[tuple[str, str, str], list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
 
-    def add(self, windows: Iterable[Window], method: str, figures: Figures) -> None:
+    def add(self, windows: Iterable[Window], method: str, figures: Measurements) -> None:
         for metric, (values, weights) in figures.items():
             for window, value, weight in zip(windows, values, weights, strict=True):
                 if np.isfinite(value):
@@ -155,15 +155,15 @@ def _measure_task(
         seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.models.windows])
         if config.protocol == "pumps":
             tally.add(batch.windows, TRUTH, feel(truth.positions, truth, joints, feet, seams=seams))
-        measured = _Measured(truth, batch, joints, feet, seams)
+        measured = _MeasuredBatch(truth, batch, joints, feet, seams)
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
             filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
-            tally.add(batch.windows, method.name, _figures(filled, measured, statistics, config))
+            tally.add(batch.windows, method.name, _measurements(filled, measured, statistics, config))
     return tally
 
 
-class _Measured(NamedTuple):
+class _MeasuredBatch(NamedTuple):
     """What the windows of a batch are measured by."""
 
     truth: Truth
@@ -173,7 +173,7 @@ class _Measured(NamedTuple):
     seams: np.ndarray
 
 
-def _figures(made: Made, by: _Measured, statistics: _Statistics, config: Config) -> Figures:
+def _measurements(made: Made, by: _MeasuredBatch, statistics: _Statistics, config: Config) -> Measurements:
     positions, rotations, fell_back = made
     if config.protocol == "pumps":
         felt = feel(positions, by.truth, by.joints, by.feet, fell_back, by.seams)

@@ -133,14 +133,14 @@ class _RobotRows:
     def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:
         table = read_table(data, self.table.name, self.robot)
         poses = poses_of(table.values, self.robot, self.fps)
-        recording = recording_of(self.table.name, self.robot.figure(), poses, Asked())
+        recording = recording_of(self.table.name, self.robot.source_rig(), poses, Asked())
         return recording.skeleton, recording.motion
 
     def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
         check_rows(self.table, self.robot, rows)
         choose_map(maps, self.robot.names, must_fit=bool(maps))
         poses = poses_of(self.table.values[rows], self.robot, self.fps)
-        recording = recording_of(self.table.name, self.robot.figure(), poses, Asked(skeleton_maps=maps))
+        recording = recording_of(self.table.name, self.robot.source_rig(), poses, Asked(skeleton_maps=maps))
         self._skeleton = recording.skeleton
         return recording.skeleton, recording.motion, [*self._notes, *sentences_of(recording.notes)]
 

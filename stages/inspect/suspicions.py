@@ -25,14 +25,14 @@ def suspicions_of(
         dropped: frames of the file before the motion's first frame, added to frame numbers in the sentences.
     """
     return [
-        *_of_the_figure(skeleton, anatomy),
+        *_of_the_body(skeleton, anatomy),
         *_of_the_rate(motion),
         *_of_the_movement(skeleton, motion, places, dropped),
         *_of_the_places(skeleton, motion, places),
     ]
 
 
-def _of_the_figure(skeleton: Skeleton, anatomy: RigAnatomy) -> list[str]:
+def _of_the_body(skeleton: Skeleton, anatomy: RigAnatomy) -> list[str]:
     out = []
     sides, groups = anatomy.findings["sides"], anatomy.findings["groups"]
     if anatomy.sides_look_swapped:

@@ -142,9 +142,9 @@ def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: s
     if config.slerp and all(played.name != SLERP for played in motions):
         motions = [first, Played(SLERP, first.skeleton, slerped(first.skeleton, first.motion, keys)), *motions[1:]]
     kept = [replace(played, motion=_shortened(played.motion, config.max_seconds)) for played in motions]
-    figures = [_figure_of(played) for played in kept]
-    cloud = figures[0].points
-    origin = cloud[:, figures[0].root].mean(axis=0) * [1, 0, 1]
+    drawings = [_drawing_of(played) for played in kept]
+    cloud = drawings[0].points
+    origin = cloud[:, drawings[0].root].mean(axis=0) * [1, 0, 1]
     return {
         "name": heading.name,
         "title": heading.title,
@@ -153,7 +153,7 @@ def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: s
         "floor": round(float(np.percentile(cloud[..., 1].min(axis=1), 2)), 4),
         "height": round(float(np.percentile(np.ptp(cloud[..., 1], axis=1), 90)), 4),
         "size": round(float(np.percentile(np.ptp(cloud, axis=1).max(axis=1), 90)), 4),
-        "motions": [_packed(played, figure, origin) for played, figure in zip(kept, figures, strict=True)],
+        "motions": [_packed(played, drawing, origin) for played, drawing in zip(kept, drawings, strict=True)],
     }
 
 
@@ -179,7 +179,7 @@ def _shortened(motion: Motion, seconds: float) -> Motion:
 
 
 @dataclass(frozen=True)
-class _Figure:
+class _Drawing:
     """What is drawn: points (T, N, 3) in the world; edges [from, to, body group, is thin, is head]; the pelvis."""
 
     points: np.ndarray
@@ -187,7 +187,7 @@ class _Figure:
     root: int
 
 
-def _figure_of(played: Played) -> _Figure:
+def _drawing_of(played: Played) -> _Drawing:
     """The body's joints, and the tips of its last bones."""
     skeleton, motion = played.skeleton, played.motion
     heads = positions_of(skeleton, motion)
@@ -205,20 +205,20 @@ def _figure_of(played: Played) -> _Figure:
         tips = Rotation.from_quat(motion.rotations[:, joint]).apply(skeleton.tails[joint])
         points.append((heads[:, joint] + tips)[:, None])
         edges.append([number[joint], len(body) + len(points) - 2, *_look(skeleton, joint, ball=joint == head)])
-    return _Figure(np.concatenate(points, axis=1), edges, number[int(skeleton.root)])
+    return _Drawing(np.concatenate(points, axis=1), edges, number[int(skeleton.root)])
 
 
-def _packed(played: Played, figure: _Figure, origin: np.ndarray) -> dict:
+def _packed(played: Played, drawing: _Drawing, origin: np.ndarray) -> dict:
     """A motion as the page holds it, its points around `origin` as 16-bit numbers."""
-    cloud = figure.points - origin
+    cloud = drawing.points - origin
     scale = max(float(np.abs(cloud).max()), 1e-6) / LARGEST_STEP
     return {
         "name": played.name,
         "fps": round(float(played.motion.fps), 6),
         "frames": cloud.shape[0],
         "nodes": cloud.shape[1],
-        "root": figure.root,
-        "edges": figure.edges,
+        "root": drawing.root,
+        "edges": drawing.edges,
         "scale": scale,
         "points": base64.b64encode(np.round(cloud / scale).astype("<i2").tobytes()).decode(),
     }

@@ -76,7 +76,7 @@ def _scene(scene: dict, top: int) -> list[str]:
             ):
                 flat = (points - away) @ view
                 places = np.stack([middle + scale * flat[:, 0], base - scale * (flat[:, 1] - floor)], axis=1)
-                parts.append(_figure(data["edges"], places, stroke, thick, 0.09 * scale))
+                parts.append(_pose_svg(data["edges"], places, stroke, thick, 0.09 * scale))
         note = escape(motion["name"])
         if made.shape == true.shape:
             apart = np.linalg.norm(made - true, axis=-1)[first + 1 : last].mean()
@@ -104,7 +104,7 @@ def _side_view(points: np.ndarray, root: int) -> np.ndarray:
     return np.array([[along[0], 0.0], [0.0, 1.0], [along[1], 0.0]])
 
 
-def _figure(edges: Sequence[Sequence[int]], places: np.ndarray, colour: str, thick: float, head: float) -> str:
+def _pose_svg(edges: Sequence[Sequence[int]], places: np.ndarray, colour: str, thick: float, head: float) -> str:
     """One pose: a line a bone, fingers left out, a ring at the head's tip."""
     lines = "".join(
         f"M{places[a, 0]:.1f} {places[a, 1]:.1f}L{places[b, 0]:.1f} {places[b, 1]:.1f}"

@@ -70,7 +70,7 @@ def _robot(robot: RobotRig, config: Config) -> Target:
             "Name a .csv file.",
         )
     rows = np.array([[*_STANDING, *robot.hinges.within(np.zeros((1, len(robot.angle_names))))[0]]])
-    standing = recording_of(robot.source, robot.figure(), poses_of(rows, robot, 30.0), Asked())
+    standing = recording_of(robot.source, robot.source_rig(), poses_of(rows, robot, 30.0), Asked())
 
     def written(made: Motion) -> tuple[bytes, list[str]]:
         rows = rows_of_motion(robot, standing.skeleton, made, config.output.name, limited=config.respect_limits)

@@ -23,7 +23,7 @@ from stages.evaluate.run import run
 from stages.shared.inference.models import named_source
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import BASELINES, Poses
-from stages.shared.statistics.figures import (
+from stages.shared.statistics.measurements import (
     facing_turn,
     hip_joints,
     measured_joints,

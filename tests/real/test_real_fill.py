@@ -15,7 +15,7 @@ from stages.infill.config import Config
 from stages.infill.run import run
 from stages.measure.solve.conditions import TRUE, conditions_of
 from stages.measure.solve.config import Config as MeasureConfig
-from stages.measure.solve.figures import figures_of
+from stages.measure.solve.measurements import measurements_of
 from stages.measure.solve.methods import slerp as slerp_of
 from stages.measure.solve.methods import solve
 from stages.measure.solve.rigs import Rigged
@@ -85,10 +85,10 @@ def test_a_cloud_is_followed_to_under_a_millimetre_by_keys_and_to_a_centimetre_b
         for condition in conditions_of(config):
             if condition.name in (TRUE, "one key") and condition.interval != 30:
                 case = condition.make(truth, np.random.default_rng(0))
-                figures = figures_of(skeleton, motion, solve(case))
+                figures = measurements_of(skeleton, motion, solve(case))
                 (by_one if condition.name == "one key" else by_keys).append(figures)
                 if condition.name == TRUE:
-                    plain.append(figures_of(skeleton, motion, slerp_of(case)))
+                    plain.append(measurements_of(skeleton, motion, slerp_of(case)))
     assert max(figures["mpjpe_mm"] for figures in by_keys) < 2 and np.mean([f["mpjpe_mm"] for f in by_keys]) < 1
     assert np.mean([f["l2q"] for f in by_keys]) < 0.15 * np.mean([f["l2q"] for f in plain])
     assert all(0.9 < figures["jerk_ratio"] < 1.1 for figures in by_keys)

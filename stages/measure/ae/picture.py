@@ -60,7 +60,7 @@ def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
 
 
 def _front_view(points: np.ndarray, kinds: np.ndarray) -> np.ndarray:
-    """(3, 3) rows right, up and towards the eye, of a view of the figure's front; from the body groups alone."""
+    """(3, 3) rows right, up and towards the eye, of a view of the body's front; from the body groups alone."""
     middle = points.mean(0)
     across = np.array([1.0, 0.0, 0.0])
     if (kinds == LEFT_LEG).any() and (kinds == RIGHT_LEG).any():

@@ -17,7 +17,7 @@ from data_schemas.tpc import TpcReader
 from stages.measure.ae.config import Config
 from stages.measure.ae.methods import load_methods
 from stages.measure.ae.picture import Panel, cloud_picture
-from stages.measure.ae.summary import REFERENCE, Measured, summary_md, terminal_lines
+from stages.measure.ae.summary import REFERENCE, AutoencoderResults, summary_md, terminal_lines
 from stages.shared.contract import StageReport
 from stages.shared.inference.measured_clouds import MovingBones, draw_on_window, measured_windows, redraw_on_window
 from stages.shared.inference.models import Autoencoder
@@ -53,18 +53,18 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     scenes = [windows[index] for index in shown]
     dense, dense_other, dense_groups = _draws(scenes, PICTURE_POINTS, config) if scenes else (truth, other, groups)
     drawn = {"truth": dense, "another draw": dense_other}
-    tables = {REFERENCE: _figures(other, truth, groups)}
+    tables = {REFERENCE: _measurements(other, truth, groups)}
     progress.advance(len(windows), REFERENCE)
     for method in methods:
         made = _reconstruct(method.autoencoder, windows, truth, groups, groups, config.seed)
-        tables[method.name] = _figures(made, truth, groups)
+        tables[method.name] = _measurements(made, truth, groups)
         if scenes:
             drawn[method.name] = _reconstruct(
                 method.autoencoder, scenes, truth[shown], groups[shown], dense_groups, config.seed
             )
         progress.advance(len(windows), method.name)
     rows = [row for name, figures in tables.items() for row in _rows(name, windows, figures, frames)]
-    measured = Measured(config, methods, rows, frames, points, len(windows))
+    measured = AutoencoderResults(config, methods, rows, frames, points, len(windows))
     with write_artefact(config.output, "metrics", stage="measure-ae", config=config, inputs=inputs) as draft:
         names = []
         for place, window in enumerate(scenes):
@@ -121,7 +121,7 @@ def _reconstruct(
     return torch.cat(made)
 
 
-def _figures(made: Tensor, truth: Tensor, groups: Tensor) -> dict[str, np.ndarray]:
+def _measurements(made: Tensor, truth: Tensor, groups: Tensor) -> dict[str, np.ndarray]:
     """Every metric of every window, (W,) each."""
     parts: dict[str, list[Tensor]] = defaultdict(list)
     for start in range(0, len(made), _AT_ONCE):

@@ -39,7 +39,7 @@ _LEGEND = (
 
 
 @dataclass(frozen=True)
-class Measured:
+class AutoencoderResults:
     """All that was measured."""
 
     config: Config
@@ -84,7 +84,7 @@ class Pair(NamedTuple):
         return "the other way round" if high < 1 else "not told apart"
 
 
-def paper_pairs(measured: Measured) -> list[Pair]:
+def paper_pairs(measured: AutoencoderResults) -> list[Pair]:
     """Every pair of measured rows that the paper has."""
     known = sorted((m for m in measured.methods if m.change in PAPER), key=lambda method: PAPER[method.change])
     pairs = []
@@ -94,7 +94,7 @@ def paper_pairs(measured: Measured) -> list[Pair]:
     return pairs
 
 
-def summary_md(measured: Measured, pictures: Sequence[str]) -> str:
+def summary_md(measured: AutoencoderResults, pictures: Sequence[str]) -> str:
     """The whole page."""
     archives = list(dict.fromkeys(row.archive for row in measured.rows))
     clips = len({(row.archive, row.clip) for row in measured.rows})
@@ -124,7 +124,7 @@ def summary_md(measured: Measured, pictures: Sequence[str]) -> str:
     return "\n".join(parts)
 
 
-def terminal_lines(measured: Measured) -> list[str]:
+def terminal_lines(measured: AutoencoderResults) -> list[str]:
     """The main table as aligned text, and how many pairs stand as in the paper."""
     width = max(map(len, measured.names()))
     lines = [f"{'':<{width}}  " + "  ".join(f"{title:>22}" for _, title, _ in _COLUMNS)]
@@ -135,7 +135,7 @@ def terminal_lines(measured: Measured) -> list[str]:
     return [*lines, _verdict_sentence(pairs)] if pairs else lines
 
 
-def _table(measured: Measured) -> Iterator[str]:
+def _table(measured: AutoencoderResults) -> Iterator[str]:
     yield f"| row | what is changed | {' | '.join(title for _, title, _ in _COLUMNS)} | L_rec of the paper |"
     yield f"|---|---|{'---:|' * (len(_COLUMNS) + 1)}"
     changes = {method.name: method.change for method in measured.methods}
@@ -146,7 +146,7 @@ def _table(measured: Measured) -> Iterator[str]:
         yield f"| {name} | {change} | {' | '.join(cells)} | {paper} |"
 
 
-def _grid(measured: Measured, columns: Sequence[tuple[str, str, str]], digits: int) -> Iterator[str]:
+def _grid(measured: AutoencoderResults, columns: Sequence[tuple[str, str, str]], digits: int) -> Iterator[str]:
     """A table of (metric, title, archive) columns."""
     yield f"| row | {' | '.join(title for _, title, _ in columns)} |"
     yield f"|---|{'---:|' * len(columns)}"
@@ -167,7 +167,7 @@ def _budgets(methods: Sequence[Method]) -> Iterator[str]:
         )
 
 
-def _order(measured: Measured) -> Iterator[str]:
+def _order(measured: AutoencoderResults) -> Iterator[str]:
     pairs = paper_pairs(measured)
     if not pairs:
         return
@@ -185,7 +185,7 @@ def _order(measured: Measured) -> Iterator[str]:
     yield ""
 
 
-def _level(measured: Measured, method: Method) -> float:
+def _level(measured: AutoencoderResults, method: Method) -> float:
     return measured.mean(method.name, "rec_m2").value
 
 

@@ -21,7 +21,7 @@ from stages.shared.pointcloud.drawn_points import DrawnPoints
 
 
 @dataclass(frozen=True)
-class Scene:
+class OriginalWindow:
     """A window and its cloud as they are, before any change.
 
     rigged: the motion on its skeleton. bones: the same as moving bones. drawn: the points drawn on them.
@@ -65,25 +65,27 @@ class Change:
 
     name: str
     kind: str
-    apply: Callable[[Scene, np.random.Generator], Encoded | None]
+    apply: Callable[[OriginalWindow, np.random.Generator], Encoded | None]
     same_cloud: bool = True
 
 
-def scene_of(row: ClipRow, start: int, rigged: Rigged, points: int, sigma_m: float, seed: int) -> Scene:
+def original_window(
+    row: ClipRow, start: int, rigged: Rigged, points: int, sigma_m: float, seed: int
+) -> OriginalWindow:
     """The window with its first draw of points."""
     bones = bones_of_motion(row, start, rigged.skeleton, rigged.motion)
     drawn = draw_on_window(bones, points, np.random.default_rng(bones.seed(seed)), sigma_m)
-    return Scene(row, start, rigged, bones, drawn, sigma_m)
+    return OriginalWindow(row, start, rigged, bones, drawn, sigma_m)
 
 
-def unchanged(scene: Scene) -> Encoded:
+def unchanged(original: OriginalWindow) -> Encoded:
     """The base itself."""
-    return _on(scene.bones, scene.drawn)
+    return _on(original.bones, original.drawn)
 
 
-def spread_evenly(scene: Scene, bones: MovingBones, rng: np.random.Generator) -> Encoded:
+def spread_evenly(original: OriginalWindow, bones: MovingBones, rng: np.random.Generator) -> Encoded:
     """Points spread evenly over some bones, from a place drawn at random."""
-    return replace(_on(bones, spread_on_window(bones, scene.points, rng, scene.sigma_m)), spread=True)
+    return replace(_on(bones, spread_on_window(bones, original.points, rng, original.sigma_m)), spread=True)
 
 
 def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
@@ -91,8 +93,8 @@ def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
     counts = (("half", 0.5), ("four times", 4))
     return [
         *(Change(f"{frames} frames later", TIME, _later(frames), same_cloud=False) for frames in (1, 5)),
-        Change("points redrawn", POINTS, lambda scene, rng: _fresh(scene, scene.bones, rng)),
-        Change("points spread evenly, anew", POINTS, lambda scene, rng: spread_evenly(scene, scene.bones, rng)),
+        Change("points redrawn", POINTS, lambda original, rng: _fresh(original, original.bones, rng)),
+        Change("points spread evenly, anew", POINTS, _spread_anew),
         *(Change(f"sigma {sigma:g} m, same draw", POINTS, _sigma(sigma)) for sigma in (0.025, 0.075)),
         *(Change(f"{text} the points", POINTS, _count(factor)) for text, factor in counts),
         *(Change(f"size x {size:g}, same draw", BODY, _size(size), same_cloud=False) for size in (0.85, 1.2)),
@@ -120,67 +122,71 @@ def _on(bones: MovingBones, drawn: DrawnPoints) -> Encoded:
     return Encoded(bones.cloud(replace(drawn, tails=bones.tails)), drawn.groups)
 
 
-def _fresh(scene: Scene, bones: MovingBones, rng: np.random.Generator, points: int = 0) -> Encoded:
-    return _on(bones, draw_on_window(bones, points or scene.points, rng, scene.sigma_m))
+def _fresh(original: OriginalWindow, bones: MovingBones, rng: np.random.Generator, points: int = 0) -> Encoded:
+    return _on(bones, draw_on_window(bones, points or original.points, rng, original.sigma_m))
 
 
-def _later(frames: int) -> Callable[[Scene, np.random.Generator], Encoded]:
-    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
-        base = unchanged(scene)
+def _spread_anew(original: OriginalWindow, rng: np.random.Generator) -> Encoded:
+    return spread_evenly(original, original.bones, rng)
+
+
+def _later(frames: int) -> Callable[[OriginalWindow, np.random.Generator], Encoded]:
+    def apply(original: OriginalWindow, rng: np.random.Generator) -> Encoded:
+        base = unchanged(original)
         kept = torch.arange(len(base.cloud)).add(frames).clamp_max(len(base.cloud) - 1)
         return replace(base, cloud=base.cloud[kept])
 
     return apply
 
 
-def _sigma(sigma_m: float) -> Callable[[Scene, np.random.Generator], Encoded]:
-    return lambda scene, rng: _on(scene.bones, replace(scene.drawn, sigma_m=sigma_m))
+def _sigma(sigma_m: float) -> Callable[[OriginalWindow, np.random.Generator], Encoded]:
+    return lambda original, rng: _on(original.bones, replace(original.drawn, sigma_m=sigma_m))
 
 
-def _count(factor: float) -> Callable[[Scene, np.random.Generator], Encoded]:
-    return lambda scene, rng: _fresh(scene, scene.bones, rng, max(8, round(factor * scene.points)))
+def _count(factor: float) -> Callable[[OriginalWindow, np.random.Generator], Encoded]:
+    return lambda original, rng: _fresh(original, original.bones, rng, max(8, round(factor * original.points)))
 
 
-def _size(size: float) -> Callable[[Scene, np.random.Generator], Encoded]:
-    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
-        bones = replace(scene.bones, heads=scene.bones.heads * size, tails=scene.bones.tails * size)
-        return _on(bones, scene.drawn)
+def _size(size: float) -> Callable[[OriginalWindow, np.random.Generator], Encoded]:
+    def apply(original: OriginalWindow, rng: np.random.Generator) -> Encoded:
+        bones = replace(original.bones, heads=original.bones.heads * size, tails=original.bones.tails * size)
+        return _on(bones, original.drawn)
 
     return apply
 
 
-def _proportions(scene: Scene, rng: np.random.Generator) -> Encoded:
-    changed = with_other_proportions(scene.rigged, rng)
-    bones = bones_of_motion(scene.row, scene.start, changed.skeleton, changed.motion)
-    return _on(bones, scene.drawn)
+def _proportions(original: OriginalWindow, rng: np.random.Generator) -> Encoded:
+    changed = with_other_proportions(original.rigged, rng)
+    bones = bones_of_motion(original.row, original.start, changed.skeleton, changed.motion)
+    return _on(bones, original.drawn)
 
 
 def _rig(
     change: Callable[[Rigged, np.random.Generator], Rigged], *, spread: bool
-) -> Callable[[Scene, np.random.Generator], Encoded]:
-    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
-        changed = change(scene.rigged, rng)
-        bones = bones_of_motion(scene.row, scene.start, changed.skeleton, changed.motion)
-        return spread_evenly(scene, bones, rng) if spread else _fresh(scene, bones, rng)
+) -> Callable[[OriginalWindow, np.random.Generator], Encoded]:
+    def apply(original: OriginalWindow, rng: np.random.Generator) -> Encoded:
+        changed = change(original.rigged, rng)
+        bones = bones_of_motion(original.row, original.start, changed.skeleton, changed.motion)
+        return spread_evenly(original, bones, rng) if spread else _fresh(original, bones, rng)
 
     return apply
 
 
-def _retargeted(other: Rigged) -> Callable[[Scene, np.random.Generator], Encoded | None]:
+def _retargeted(other: Rigged) -> Callable[[OriginalWindow, np.random.Generator], Encoded | None]:
     """None where the motion is on that skeleton already."""
 
-    def apply(scene: Scene, rng: np.random.Generator) -> Encoded | None:
-        if skeleton_id(scene.rigged.skeleton) == skeleton_id(other.skeleton):
+    def apply(original: OriginalWindow, rng: np.random.Generator) -> Encoded | None:
+        if skeleton_id(original.rigged.skeleton) == skeleton_id(other.skeleton):
             return None
-        moved = retarget(scene.rigged.skeleton, scene.rigged.motion, other.skeleton, other.motion).motion
-        return spread_evenly(scene, bones_of_motion(scene.row, scene.start, other.skeleton, moved), rng)
+        moved = retarget(original.rigged.skeleton, original.rigged.motion, other.skeleton, other.motion).motion
+        return spread_evenly(original, bones_of_motion(original.row, original.start, other.skeleton, moved), rng)
 
     return apply
 
 
-def _turned(degrees: float) -> Callable[[Scene, np.random.Generator], Encoded]:
-    def apply(scene: Scene, rng: np.random.Generator) -> Encoded:
-        base = unchanged(scene)
+def _turned(degrees: float) -> Callable[[OriginalWindow, np.random.Generator], Encoded]:
+    def apply(original: OriginalWindow, rng: np.random.Generator) -> Encoded:
+        base = unchanged(original)
         angle = np.radians(degrees)
         turn = torch.tensor(
             [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]], dtype=torch.float32

@@ -16,9 +16,17 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import MANIFEST_NAME, open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader, skeleton_id
-from stages.measure.latents.changes import Change, Encoded, Scene, changes, scene_of, spread_evenly, unchanged
+from stages.measure.latents.changes import (
+    Change,
+    Encoded,
+    OriginalWindow,
+    changes,
+    original_window,
+    spread_evenly,
+    unchanged,
+)
 from stages.measure.latents.config import Config
-from stages.measure.latents.summary import Measured, summary_md, terminal_lines
+from stages.measure.latents.summary import LatentResults, summary_md, terminal_lines
 from stages.shared.contract import StageReport
 from stages.shared.humanoid.rig_changes import Rigged
 from stages.shared.inference.measured_clouds import redraw_on_window
@@ -39,10 +47,10 @@ _NEAR = 1  # frames off that still count as found
 
 
 @dataclass(frozen=True)
-class Base:
+class EncodedWindow:
     """A window before any change: latents (T, D) and centroids (T, 3), and the latents of points spread evenly."""
 
-    scene: Scene
+    original: OriginalWindow
     truth: Encoded
     latents: Tensor
     centroids: Tensor
@@ -57,14 +65,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_artefact(config, "metrics")
     autoencoder, source = _load(config)
     with MotionReader(config.motion) as reader:
-        scenes = _scenes(reader, config, config.points or autoencoder.points)
-        others = _other_skeletons(reader, scenes)
+        originals = _original_windows(reader, config, config.points or autoencoder.points)
+        others = _other_skeletons(reader, originals)
         inputs = [reader.artefact, open_artefact(source, "checkpoint")]
     rows_of = changes(others)
-    progress.start("encoding", len(scenes) * (len(rows_of) + 1))
+    progress.start("encoding", len(originals) * (len(rows_of) + 1))
     bases = []
-    for scene in scenes:
-        bases.append(_base(scene, autoencoder, config.seed))
+    for original in originals:
+        bases.append(_base(original, autoencoder, config.seed))
         progress.advance(1, BASE)
     book = _Book(bases)
     figures: dict[str, list[dict[str, float]]] = defaultdict(list)
@@ -73,25 +81,25 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         decoded = _decoded(autoencoder, base, base.truth, base.latents, base.centroids, noise, True)
         figures[BASE].append(decoded | _level(base, config.seed))
         for place, change in enumerate(rows_of):
-            rng = base.scene.seed(config.seed, place + 2)
-            figures[change.name].append(_figures(autoencoder, book, number, change, rng, noise))
+            rng = base.original.seed(config.seed, place + 2)
+            figures[change.name].append(_measurements(autoencoder, book, number, change, rng, noise))
             progress.advance(1, change.name)
-    rows = [row for name, values in figures.items() for row in _rows(name, scenes, values, config.window)]
-    measured = Measured(config, rows_of, rows, scenes[0].points, len(scenes))
+    rows = [row for name, values in figures.items() for row in _rows(name, originals, values, config.window)]
+    measured = LatentResults(config, rows_of, rows, originals[0].points, len(originals))
     with write_artefact(config.output, "metrics", stage="measure-latents", config=config, inputs=inputs) as draft:
-        draft.summary.update(windows=len(scenes), changes=[change.name for change in rows_of])
+        draft.summary.update(windows=len(originals), changes=[change.name for change in rows_of])
         write_metrics(draft.folder, rows, summary_md(measured))
     return StageReport(
         output=config.output,
         lines=[*terminal_lines(measured), f"The whole table: {config.output}, summary.md."],
-        figures={"windows": len(scenes), "changes": [change.name for change in rows_of]},
+        figures={"windows": len(originals), "changes": [change.name for change in rows_of]},
     )
 
 
 class _Book:
     """All windows' latents before any change: what a changed latent is looked up in, and how far apart they are."""
 
-    def __init__(self, bases: Sequence[Base]):
+    def __init__(self, bases: Sequence[EncodedWindow]):
         self.bases = bases
         self.all = torch.cat([base.latents for base in bases])
         self.all_spread = torch.cat([base.spread_latents for base in bases])
@@ -116,7 +124,7 @@ def _load(config: Config) -> tuple[Autoencoder, Path]:
     return load_autoencoder(folder / name, config.device), folder / name
 
 
-def _scenes(reader: MotionReader, config: Config, points: int) -> list[Scene]:
+def _original_windows(reader: MotionReader, config: Config, points: int) -> list[OriginalWindow]:
     """Windows of the wanted clips at the models' rate, spread evenly over each archive's clips."""
     by_archive: dict[str, list[list[Window]]] = defaultdict(list)
     for row in sorted(reader.clips, key=lambda row: (archive_of(row), row.clip)):
@@ -131,32 +139,32 @@ def _scenes(reader: MotionReader, config: Config, points: int) -> list[Scene]:
             f"{' or '.join(config.splits)}.",
             "Name another split with --splits, or measure shorter windows with --window.",
         )
-    return [_scene(reader, window, config, points) for window in chosen]
+    return [_original_window(reader, window, config, points) for window in chosen]
 
 
-def _scene(reader: MotionReader, window: Window, config: Config, points: int) -> Scene:
+def _original_window(reader: MotionReader, window: Window, config: Config, points: int) -> OriginalWindow:
     row = reader.row(window.clip)
     motion = resample(reader.motion(window.clip), MODEL_FPS).at(window.span)
     rigged = Rigged(reader.skeleton(row.skeleton), motion)
-    return scene_of(row, window.start, rigged, points, config.sigma_m, config.seed)
+    return original_window(row, window.start, rigged, points, config.sigma_m, config.seed)
 
 
-def _other_skeletons(reader: MotionReader, scenes: Sequence[Scene]) -> dict[str, Rigged]:
+def _other_skeletons(reader: MotionReader, originals: Sequence[OriginalWindow]) -> dict[str, Rigged]:
     """Where several skeletons are measured: the first of each archive, with the poses of its first clip."""
     found: dict[str, Rigged] = {}
-    for scene in scenes:
-        if archive_of(scene.row) not in found:
-            poses = resample(reader.motion(scene.row.clip), MODEL_FPS)
-            found[archive_of(scene.row)] = Rigged(scene.rigged.skeleton, poses)
+    for original in originals:
+        if archive_of(original.row) not in found:
+            poses = resample(reader.motion(original.row.clip), MODEL_FPS)
+            found[archive_of(original.row)] = Rigged(original.rigged.skeleton, poses)
     kinds = {skeleton_id(each.skeleton): name for name, each in reversed(found.items())}
     return {name: found[name] for name in sorted(kinds.values())} if len(kinds) > 1 else {}
 
 
-def _base(scene: Scene, autoencoder: Autoencoder, seed: int) -> Base:
-    truth = unchanged(scene)
+def _base(original: OriginalWindow, autoencoder: Autoencoder, seed: int) -> EncodedWindow:
+    truth = unchanged(original)
     latents, centroids = _encoded(autoencoder, truth)
-    spread, _ = _encoded(autoencoder, spread_evenly(scene, scene.bones, scene.seed(seed, 1)))
-    return Base(scene, truth, latents, centroids, spread)
+    spread, _ = _encoded(autoencoder, spread_evenly(original, original.bones, original.seed(seed, 1)))
+    return EncodedWindow(original, truth, latents, centroids, spread)
 
 
 def _encoded(autoencoder: Autoencoder, what: Encoded) -> tuple[Tensor, Tensor]:
@@ -165,11 +173,11 @@ def _encoded(autoencoder: Autoencoder, what: Encoded) -> tuple[Tensor, Tensor]:
     return latents.cpu(), centroids.cpu()
 
 
-def _figures(
+def _measurements(
     autoencoder: Autoencoder, book: _Book, number: int, change: Change, rng: np.random.Generator, noise: Tensor
 ) -> dict[str, float]:
     base = book.bases[number]
-    changed = change.apply(base.scene, rng)
+    changed = change.apply(base.original, rng)
     if changed is None:
         return {}
     latents, centroids = _encoded(autoencoder, changed)
@@ -187,7 +195,7 @@ def _figures(
 
 def _decoded(
     autoencoder: Autoencoder,
-    base: Base,
+    base: EncodedWindow,
     changed: Encoded,
     latents: Tensor,
     centroids: Tensor,
@@ -202,7 +210,7 @@ def _decoded(
     if same_cloud:
         targets.append(("cross", base.truth.cloud, base.truth.groups))
     for name, cloud, groups in targets:
-        seeds = noise if len(noise) == len(groups) else autoencoder.draw_noise(len(groups), base.scene.start)
+        seeds = noise if len(noise) == len(groups) else autoencoder.draw_noise(len(groups), base.original.start)
         made = autoencoder.decode(latents, centroids, times, groups, seeds).cpu()
         apart = paired_difference(made.unsqueeze(0), cloud.unsqueeze(0), groups.unsqueeze(0))
         whole, moving, _ = distances(apart)
@@ -210,27 +218,27 @@ def _decoded(
     return figures
 
 
-def _level(base: Base, seed: int) -> dict[str, float]:
+def _level(base: EncodedWindow, seed: int) -> dict[str, float]:
     """How far another draw of the base's cloud is from it: what of the decoded clouds' distance is no error."""
-    scene, groups = base.scene, base.truth.groups
-    other = scene.bones.cloud(redraw_on_window(scene.bones, groups, scene.seed(seed, 0), scene.sigma_m))
+    original, groups = base.original, base.truth.groups
+    other = original.bones.cloud(redraw_on_window(original.bones, groups, original.seed(seed, 0), original.sigma_m))
     apart = paired_difference(other.unsqueeze(0), base.truth.cloud.unsqueeze(0), groups.unsqueeze(0))
     whole, moving, _ = distances(apart)
     return {"level_mm": 1000 * float(whole), "level_moving_mm": 1000 * float(moving)}
 
 
 def _rows(
-    change: str, scenes: Sequence[Scene], figures: Sequence[dict[str, float]], frames: int
+    change: str, originals: Sequence[OriginalWindow], figures: Sequence[dict[str, float]], frames: int
 ) -> Iterator[MetricRow]:
     by_clip: dict[str, list[int]] = defaultdict(list)
-    for index, scene in enumerate(scenes):
-        by_clip[scene.row.clip].append(index)
+    for index, original in enumerate(originals):
+        by_clip[original.row.clip].append(index)
     for metric in dict.fromkeys(metric for each in figures for metric in each):
         for clip_members in by_clip.values():
             members = [index for index in clip_members if metric in figures[index]]
             if not members:
                 continue
-            row = scenes[members[0]].row
+            row = originals[members[0]].row
             value = float(np.mean([figures[index][metric] for index in members]))
             place = (row.clip, row.skeleton, archive_of(row))
             yield MetricRow(*place, change, TASK, frames, metric, value, windows=len(members))

@@ -42,7 +42,7 @@ _LEGEND = (
 
 
 @dataclass(frozen=True)
-class Measured:
+class LatentResults:
     """All that was measured."""
 
     config: Config
@@ -64,7 +64,7 @@ class Measured:
         return mean_interval(values, weights, self.config.seed)
 
 
-def summary_md(measured: Measured) -> str:
+def summary_md(measured: LatentResults) -> str:
     """The whole page."""
     config = measured.config
     archives = list(dict.fromkeys(row.archive for row in measured.rows))
@@ -88,7 +88,7 @@ def summary_md(measured: Measured) -> str:
     return "\n".join(parts)
 
 
-def terminal_lines(measured: Measured) -> list[str]:
+def terminal_lines(measured: LatentResults) -> list[str]:
     """The changes and the most telling columns, aligned."""
     shown = ("move_any", "frames_off", "own_mm", "cross_mm")
     columns = [column for column in _COLUMNS if column[0] in shown]
@@ -100,7 +100,7 @@ def terminal_lines(measured: Measured) -> list[str]:
     return lines
 
 
-def _table(measured: Measured) -> Iterator[str]:
+def _table(measured: LatentResults) -> Iterator[str]:
     yield f"| what is changed | {' | '.join(title for _, title, _, _ in _COLUMNS)} |"
     yield f"|---|{'---:|' * len(_COLUMNS)}"
     yield f"| {BASE_WORDS} | {' | '.join(_cells(measured, 'unchanged'))} |"
@@ -112,12 +112,12 @@ def _table(measured: Measured) -> Iterator[str]:
         yield f"| {change.name} | {' | '.join(_cells(measured, change.name))} |"
 
 
-def _cells(measured: Measured, change: str) -> Iterator[str]:
+def _cells(measured: LatentResults, change: str) -> Iterator[str]:
     for metric, _, digits, interval in _COLUMNS:
         yield _text(measured.mean(change, metric), digits, interval)
 
 
-def _by_archive(measured: Measured) -> Iterator[str]:
+def _by_archive(measured: LatentResults) -> Iterator[str]:
     archives = list(dict.fromkeys(row.archive for row in measured.rows))
     yield f"| what is changed | {' | '.join(archives)} |"
     yield f"|---|{'---:|' * len(archives)}"

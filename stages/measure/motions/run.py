@@ -22,7 +22,7 @@ from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.archives import archive_of
-from stages.shared.statistics.figures import POWER_WEIGHTED, Figures, Truth, measure
+from stages.shared.statistics.measurements import POWER_WEIGHTED, Measurements, Truth, measure
 from stages.shared.statistics.tables import cells, task_tables
 from stages.shared.statistics.tasks import RECONSTRUCTION
 from stages.shared.statistics.windows import Window, chosen_windows
@@ -118,7 +118,7 @@ def _rows(
         by_clip[window.clip].append(window)
     for clip, mine in by_clip.items():
         skeleton, pair = _pair(truth, made, clip)
-        found = [_figures(skeleton, *pair, window) for window in mine]
+        found = [_measurements(skeleton, *pair, window) for window in mine]
         progress.advance(len(mine), f"{name}, {clip}")
         for metric in found[0]:
             values, weights = (np.array([each[metric][part][0] for each in found]) for part in (0, 1))
@@ -152,7 +152,7 @@ def _pair(truth: MotionReader, made: MotionReader, clip: str) -> tuple[Skeleton,
     return skeleton, (true, motion)
 
 
-def _figures(skeleton: Skeleton, true: Motion, made: Motion, window: Window) -> Figures:
+def _measurements(skeleton: Skeleton, true: Motion, made: Motion, window: Window) -> Measurements:
     """On the joints that a cloud sees."""
     part = slice(window.start, min(window.start + window.frames, true.frames, made.frames))
     both = [(positions_of(skeleton, motion)[None, part], motion.rotations[None, part]) for motion in (true, made)]

@@ -19,7 +19,7 @@ from stages.measure.pcmrl.named import category_of, named
 from stages.shared.inference.pose_filling import Interpolator
 from stages.shared.progress import Progress
 from stages.shared.statistics.baselines import Filled, Poses, damped, lerp, slerp
-from stages.shared.statistics.figures import POWER_WEIGHTED, Figures, Truth, measure
+from stages.shared.statistics.measurements import POWER_WEIGHTED, Measurements, Truth, measure
 from stages.shared.statistics.tasks import INTERPOLATION
 from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
 
@@ -107,7 +107,7 @@ def _batches(reader: TpcReader, windows: list[Window]) -> Iterator[_Batch]:
             yield _Batch(part, reader.bones(skeleton), heads, rotations)
 
 
-def _filled(batch: _Batch, task: Task, interpolators: dict[str, Interpolator]) -> Iterator[tuple[str, Figures]]:
+def _filled(batch: _Batch, task: Task, interpolators: dict[str, Interpolator]) -> Iterator[tuple[str, Measurements]]:
     """Every method's figures of a batch, on the bones that a cloud sees."""
     known = task.known(batch.heads.shape[1])
     joints = np.flatnonzero(batch.bones.weights > 0)
@@ -116,7 +116,7 @@ def _filled(batch: _Batch, task: Task, interpolators: dict[str, Interpolator]) -
     tails = torch.from_numpy(batch.bones.tails).expand(len(batch.windows), -1, 3)
     gate = torch.from_numpy(known).expand(len(batch.windows), -1)
 
-    def figures(filled: Filled) -> Figures:
+    def figures(filled: Filled) -> Measurements:
         return {name: part for name, part in measure(*filled, truth, joints).items() if name in _HEADLINES}
 
     for name, function in PLAIN.items():

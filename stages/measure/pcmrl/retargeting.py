@@ -43,7 +43,7 @@ def retargeting_rows(
     for category, window in windows:
         truth = _read(source, window)
         others = {name: _read(reader, window) for name, reader in adapted.items()}
-        for (method, metric, sigma_mm), value in _figures(truth, others, window, config):
+        for (method, metric, sigma_mm), value in _measurements(truth, others, window, config):
             found.setdefault((category, window.clip, method, metric, sigma_mm), []).append(value)
         progress.advance(1, window.clip)
     return [
@@ -89,7 +89,7 @@ def _read(reader: TpcReader, window: Window) -> Moving:
     return bones, torch.from_numpy(heads), torch.from_numpy(rotations)
 
 
-def _figures(
+def _measurements(
     truth: Moving, others: dict[str, Moving], window: Window, config: Config
 ) -> Iterator[tuple[tuple[str, str, int], float]]:
     """((method, metric, sigma in mm), value) of a window, in centimetres; L_end stands at sigma 0."""

@@ -94,12 +94,12 @@ def _nine_table(
         columns = zip(*(values for _, values in rows), strict=True)
         least = [min((value for value in column if value is not None), default=None) for column in columns]
         for number, (name, values) in enumerate(rows):
-            shown = [_figure(value, value == best) for value, best in zip(values, least, strict=True)]
+            shown = [_number(value, value == best) for value, best in zip(values, least, strict=True)]
             lines.append(f"| {block if number == 0 else ''} | {name} | {' | '.join(shown)} |")
     yield "\n".join(lines) + "\n"
 
 
-def _figure(value: float | None, best: bool) -> str:
+def _number(value: float | None, best: bool) -> str:
     if value is None:
         return ""
     return f"**{value:.4f}**" if best else f"{value:.4f}"

@@ -18,8 +18,8 @@ from data_schemas.motion import MotionReader
 from stages.measure.solve.conditions import TRUE, Case, Condition, conditions_of, shortened
 from stages.measure.solve.config import Config
 from stages.measure.solve.draws import rng_of
-from stages.measure.solve.figures import figures_of, skate_mps
 from stages.measure.solve.kept import TRUTH, keep_motions
+from stages.measure.solve.measurements import measurements_of, skate_mps
 from stages.measure.solve.methods import Method, methods_of
 from stages.measure.solve.rigs import Rigged
 from stages.measure.solve.summary import summary_md, terminal_lines
@@ -113,7 +113,7 @@ def _measured(
     if condition.name != TRUE:
         motion = shortened(motion, config.condition_seconds)
     case = condition.make(Rigged(reader.skeleton(row.skeleton), motion), rng_of(config.seed, row))
-    for method, figures in _figures(case, methods, pace if condition.name == TRUE else _Pace()):
+    for method, figures in _measurements(case, methods, pace if condition.name == TRUE else _Pace()):
         for metric, value in figures.items():
             yield MetricRow(
                 clip=row.clip,
@@ -128,7 +128,7 @@ def _measured(
             )
 
 
-def _figures(case: Case, methods: Sequence[Method], pace: _Pace) -> Iterator[tuple[str, dict[str, float]]]:
+def _measurements(case: Case, methods: Sequence[Method], pace: _Pace) -> Iterator[tuple[str, dict[str, float]]]:
     true_places = positions_of(case.skeleton, case.motion)
     skate = skate_mps(case.skeleton, true_places, true_places, case.motion.fps)
     if np.isfinite(skate):
@@ -139,4 +139,4 @@ def _figures(case: Case, methods: Sequence[Method], pace: _Pace) -> Iterator[tup
         if made is not None:
             pace.seconds[method.name] += time.perf_counter() - started
             pace.frames[method.name] += case.motion.frames
-            yield method.name, figures_of(case.skeleton, case.motion, made)
+            yield method.name, measurements_of(case.skeleton, case.motion, made)

@@ -9,7 +9,7 @@ import numpy as np
 from data_schemas.metrics import MetricRow
 from stages.measure.solve.conditions import ONE_KEY, TRUE
 from stages.measure.solve.config import Config
-from stages.measure.solve.figures import LABELS
+from stages.measure.solve.measurements import LABELS
 from stages.measure.solve.methods import SLERP
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.bootstrap import Estimate, mean_interval

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.arrays import read_arrays
-from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
 from stages.shared.formats.smpl import GENDERS, LAYOUTS, RestJoints, neutral_joints, parents_of, subject_joints
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
 _Place = tuple[float, float, float]
@@ -47,18 +47,18 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
         rig, pelvis = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ends), rest.pelvis
     check_room(name, len(data), frames, len(rig.names))
     # The model turns about the pelvis where it stands at rest, then moves by trans.
-    poses = Poses(_quaternions(vectors), trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
+    poses = SourcePoses(_quaternions(vectors), trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
     return [recording_of(name, rig, poses, asked, notes=notes, remarks=remarks)]
 
 
 def _rig(
     names: tuple[str, ...], parents: tuple[int, ...], offsets: tuple[_Place, ...], ends: tuple[_Place, ...]
-) -> Rig:
+) -> SourceRig:
     placed = tuple(joint == 0 for joint in range(len(names)))
-    return Rig(names, parents, offsets, ends, placed, unit_m=1.0, up_axis="z")
+    return SourceRig(names, parents, offsets, ends, placed, unit_m=1.0, up_axis="z")
 
 
-def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> Rig | None:
+def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> SourceRig | None:
     """The rig stored in an AMASS-like file (see `stages.shared.formats.amass_write`); None for a rig of SMPL.
 
     Raises: InputError if its joints do not match its poses.

@@ -29,12 +29,12 @@ def smpl_layout_of(skeleton: Skeleton) -> str | None:
     for layout, names in LAYOUTS.items():
         if set(names) != set(place):
             continue
-        figure = neutral_joints(layout).offsets
+        neutral = neutral_joints(layout).offsets
         for joint, (name, parent) in enumerate(zip(names, parents_of(layout), strict=True)):
             above = skeleton.parents[place[name]]
             if (names[parent] if parent >= 0 else "") != (skeleton.names[above] if above >= 0 else ""):
                 return None
-            mine, theirs = skeleton.offsets[place[name]], np.array(figure[joint])
+            mine, theirs = skeleton.offsets[place[name]], np.array(neutral[joint])
             size = np.linalg.norm(mine) * np.linalg.norm(theirs)
             if parent >= 0 and size > 1e-4 and mine @ theirs < _LIKE_SMPL * size and np.linalg.norm(theirs) > 0.2:
                 return None

@@ -13,8 +13,8 @@ from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats import euler
 from stages.shared.formats.asf import AsfBone, AsfSkeleton, read_asf
-from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.recording import Asked, Recording, recording_of
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 from stages.shared.humanoid.reference_pose import PLAUSIBLE_STATURE_M
 from stages.shared.kinematics.rotations import CONJUGATE, multiply
 
@@ -223,7 +223,7 @@ def _check_whole(name: str, line: int, frames: list[np.ndarray], seen: set[str],
         )
 
 
-def _rig(skeleton: AsfSkeleton) -> Rig:
+def _rig(skeleton: AsfSkeleton) -> SourceRig:
     """A joint at each bone's head. A bone's vector is the offset of its children, or the end site of a leaf."""
     bones = skeleton.bones
     parents = tuple(bone.parent for bone in bones)
@@ -232,7 +232,7 @@ def _rig(skeleton: AsfSkeleton) -> Rig:
     offsets = tuple(bones[bone.parent].vector if bone.parent > 0 else nowhere for bone in bones)
     size = sum(np.linalg.norm(bone.vector) for bone in bones if bone.name.lower().startswith(("lfem", "ltib")))
     low, high = PLAUSIBLE_STATURE_M
-    return Rig(
+    return SourceRig(
         names=tuple(bone.name for bone in bones),
         parents=parents,
         offsets=offsets,
@@ -242,7 +242,7 @@ def _rig(skeleton: AsfSkeleton) -> Rig:
     )
 
 
-def _poses(skeleton: AsfSkeleton, motion: AmcMotion, fps: float) -> Poses:
+def _poses(skeleton: AsfSkeleton, motion: AmcMotion, fps: float) -> SourcePoses:
     frames = len(motion.values)
     place = {bone.name: index for index, bone in enumerate(skeleton.bones)}
     local = np.zeros((frames, len(place), 4))
@@ -264,7 +264,7 @@ def _poses(skeleton: AsfSkeleton, motion: AmcMotion, fps: float) -> Poses:
         else:
             back = tilt * CONJUGATE
             local[:, place[bone.name]] = multiply(multiply(tilt, moved), back)
-    return Poses(local, root, fps)
+    return SourcePoses(local, root, fps)
 
 
 def _about_fixed_axes(angles: np.ndarray, order: str) -> np.ndarray:

@@ -16,9 +16,9 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
 from stages.shared.formats.bvh_rows import layout_of, local_quaternions, values_of
-from stages.shared.formats.figure import Body, Poses, Rig, ancestors, body_of, motion_of_poses
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.skeleton_map import SkeletonMap
+from stages.shared.formats.source_body import SourceBody, SourcePoses, SourceRig, ancestors, body_of, motion_of_poses
 
 __all__ = ["motion_of", "rate_of", "read_bvh_motion", "rig_and_poses", "values_of"]
 
@@ -79,8 +79,8 @@ def noted_motion_of(
     return skeleton, motion, [*bvh.warnings, *notes]
 
 
-def rig_and_poses(bvh: BvhFile) -> tuple[Rig, Poses]:
-    """The joints and poses of a BVH, in the file's unit and axes, as the types of `stages.shared.formats.figure`.
+def rig_and_poses(bvh: BvhFile) -> tuple[SourceRig, SourcePoses]:
+    """The joints and poses of a BVH, in the file's unit and axes, as `stages.shared.formats.source_body` has them.
 
     Raises: InputError if the joints are not those of a humanoid.
     """
@@ -101,13 +101,13 @@ def rate_of(frame_time: float) -> float:
     return 1.0 / frame_time
 
 
-def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray, maps: tuple[SkeletonMap, ...] = ()) -> Body:
+def _body_of(joints: tuple[BvhJoint, ...], values: np.ndarray, maps: tuple[SkeletonMap, ...] = ()) -> SourceBody:
     """The body. A joint's position in the rows is used where it differs from the header's OFFSET."""
     header = tuple(joint.offset for joint in joints)
     try:
         body = body_of(_rig(joints, header, maps))
         placing = {body.parts.pelvis, *ancestors(body.parents, body.parts.pelvis)}
-    except InputError:  # the header alone makes no figure; perhaps the rows do
+    except InputError:  # the header alone makes no body; perhaps the rows do
         body, placing = None, {0}
     layout = layout_of(joints)
     is_placing = np.zeros(len(joints), bool)
@@ -130,8 +130,8 @@ def _rig(
     joints: tuple[BvhJoint, ...],
     offsets: tuple[tuple[float, float, float], ...],
     maps: tuple[SkeletonMap, ...] = (),
-) -> Rig:
-    return Rig(
+) -> SourceRig:
+    return SourceRig(
         names=tuple(joint.name for joint in joints),
         parents=tuple(joint.parent for joint in joints),
         offsets=offsets,
@@ -141,7 +141,7 @@ def _rig(
     )
 
 
-def _poses(joints: tuple[BvhJoint, ...], body: Body, values: np.ndarray, fps: float) -> Poses:
+def _poses(joints: tuple[BvhJoint, ...], body: SourceBody, values: np.ndarray, fps: float) -> SourcePoses:
     layout = layout_of(joints)
     given = values[:, layout.position_columns]
     root = np.tile(np.array(joints[0].offset), (len(values), 1))
@@ -155,4 +155,4 @@ def _poses(joints: tuple[BvhJoint, ...], body: Body, values: np.ndarray, fps: fl
         tracks[:, i] = joints[joint].offset
         axes, columns = layout.positions_of(joint)
         tracks[:, i, axes] = values[:, columns]
-    return Poses(local_quaternions(joints, values), root, fps, moving, tracks)
+    return SourcePoses(local_quaternions(joints, values), root, fps, moving, tracks)

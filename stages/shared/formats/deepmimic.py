@@ -22,8 +22,8 @@ from stages.shared.formats.bvh_header_write import header_text
 from stages.shared.formats.bvh_motion import motion_of, rate_of, values_of
 from stages.shared.formats.bvh_of_motion import template_of
 from stages.shared.formats.bvh_write import write_bvh
-from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.recording import Asked, Recording, recording_of
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 from stages.shared.kinematics.forward import global_rotations
 from stages.shared.kinematics.plain_interpolation import interpolate_pose
 
@@ -116,7 +116,7 @@ def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recordin
         times = torch.arange(int(np.floor(clip.times[-1] * fps + 1e-6)) + 1) / fps
         local, roots = (part.numpy() for part in _between(clip, times))
     joints = range(len(_JOINTS))
-    rig = Rig(
+    rig = SourceRig(
         names=tuple(joint[0] for joint in _JOINTS),
         parents=tuple(joint[1] for joint in _JOINTS),
         offsets=tuple(joint[2] for joint in _JOINTS),
@@ -125,7 +125,7 @@ def read_deepmimic_motion(data: bytes, name: str, asked: Asked) -> list[Recordin
         unit_m=1.0,
         up_axis="y",
     )
-    poses = Poses(local.astype(np.float64), roots.astype(np.float64), asked.fps_override or fps)
+    poses = SourcePoses(local.astype(np.float64), roots.astype(np.float64), asked.fps_override or fps)
     return [recording_of(name, rig, poses, asked, notes=notes)]
 
 

@@ -16,15 +16,15 @@ from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.bvh_header_write import plain_names
 from stages.shared.formats.bvh_motion import rate_of
-from stages.shared.formats.figure import Poses, Rig
 from stages.shared.formats.gltf import Document, reading_gltf
 from stages.shared.formats.gltf_sampling import Track, sampled
 from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, recording_of
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 from stages.shared.kinematics.rotations import multiply, rotate
 
 _PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 _SCALE_SLACK = 2e-3
-_STILL = 1e-4  # of the figure's size
+_STILL = 1e-4  # of the body's size
 _SPARSE_FPS, _USUAL_FPS, _MOST_FPS = 10.0, 30.0, 240.0
 _LONGEST_S = 36_000.0
 _DEEPEST = 1000  # most ancestors of a node
@@ -70,7 +70,7 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
         recordings = []
         for part, (_, tracks) in zip(parts, moving, strict=True):
             tracks = {key: track for key, track in tracks.items() if key[0] in inside}
-            rig, poses = _figure(document, nodes, skin, tracks, asked.fps_override, room)
+            rig, poses = _rig_and_poses(document, nodes, skin, tracks, asked.fps_override, room)
             room -= len(poses.local) * len(skin.joints)
             recordings.append(
                 recording_of(name, rig, poses, asked, part=part if len(moving) > 1 else "", notes=notes)
@@ -167,7 +167,7 @@ def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[Not
         raise InputError(f"{document.name} has {len(others) + len(chosen)} joints; pumps reads at most {MAX_JOINTS}.")
     lines = {joint: _upwards(nodes, joint, document.name) for joint in {*chosen, *others}}
     root = lines[chosen[0]][-1]
-    shared = {joint for joint in others if lines[joint][-1] == root}  # other meshes of the same figure
+    shared = {joint for joint in others if lines[joint][-1] == root}  # other meshes of the same body
     inside = set(chosen) | shared
     if others - shared:
         notes.append(note(Flag.OTHER_SKINS, joints=len(others - shared)))
@@ -225,17 +225,17 @@ def _even_scale(scales: np.ndarray, where: str) -> float:
     return mean
 
 
-# --- the figure and its poses -------------------------------------------------------------------
+# --- the rig and its poses -------------------------------------------------------------------
 
 
-def _figure(
+def _rig_and_poses(
     document: Document,
     nodes: _Nodes,
     skin: _Skin,
     tracks: dict[tuple[int, str], Track],
     fps: float | None,
     room: int,
-) -> tuple[Rig, Poses]:
+) -> tuple[SourceRig, SourcePoses]:
     times, rate = _times(document, list(tracks.values()), room // len(skin.joints))
     local = np.empty((len(times), len(skin.joints), 4))
     places = np.empty((len(times), len(skin.joints), 3))
@@ -256,7 +256,7 @@ def _figure(
     size = max(float(np.linalg.norm(offsets, axis=1).sum()), 1e-9) / 10
     strays = np.abs(places - offsets).max(axis=(0, 2)) > _STILL * size
     moving = [joint for joint in range(1, len(skin.joints)) if strays[joint]]
-    rig = Rig(
+    rig = SourceRig(
         names=tuple(nodes[node].name for node in skin.joints),
         parents=tuple(skin.parents),
         offsets=tuple(map(tuple, offsets.tolist())),
@@ -264,7 +264,7 @@ def _figure(
         placed=tuple(joint == 0 or bool(strays[joint]) for joint in range(len(skin.joints))),
         up_axis="y",
     )
-    return rig, Poses(local, root, fps or rate, moving, places[:, moving])
+    return rig, SourcePoses(local, root, fps or rate, moving, places[:, moving])
 
 
 def _times(document: Document, tracks: list[Track], most: int) -> tuple[np.ndarray, float]:

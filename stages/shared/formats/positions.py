@@ -16,11 +16,11 @@ from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.arrays import array_names, read_array, read_arrays
 from stages.shared.formats.bvh import read_bvh
-from stages.shared.formats.figure import Poses, Rig, body_of
 from stages.shared.formats.joint_lists import LISTS
 from stages.shared.formats.pointing import pointed_rotations
 from stages.shared.formats.positions_csv import read_csv
 from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
+from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of
 from stages.shared.humanoid.reference_pose import find_up_axis
 
 USUAL_FPS = 30.0
@@ -31,7 +31,7 @@ _MOST_MISSING = 0.5
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredPositions:
     """places: (T, J, 3), NaN where missing. names, parents: J of them, or empty. fps: None if not stated."""
 
     places: np.ndarray
@@ -65,7 +65,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     offsets = _measured_lengths(frame, places)
     seen = frame.column >= 0
     ends = frame.ends if len(frame.ends) else np.zeros_like(offsets)
-    rig = Rig(
+    rig = SourceRig(
         names=frame.names,
         parents=frame.parents,
         offsets=tuple(map(tuple, offsets.tolist())),
@@ -82,7 +82,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     ):  # no pose at rest is known to stand
         rig = replace(rig, up_axis=rig_up)
     local = pointed_rotations(offsets, frame.parents, places, seen)
-    recording = recording_of(name, rig, Poses(local, places[:, 0].copy(), fps), asked, notes=notes)
+    recording = recording_of(name, rig, SourcePoses(local, places[:, 0].copy(), fps), asked, notes=notes)
     holes = ~np.isfinite(measured.places[:, frame.column[seen]]).all(axis=(1, 2))
     return [replace(recording, repaired_frames=int(holes.sum()))]
 
@@ -90,16 +90,16 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
 # --- the file's content -------------------------------------------------------------------------
 
 
-def _read_measured(data: bytes, name: str) -> Measured:
+def _read_measured(data: bytes, name: str) -> MeasuredPositions:
     if data.startswith(b"PK"):
         return _of_npz(data, name)
     if data.startswith(b"\x93NUMPY"):
-        return Measured(_cube(read_array(data, name), name))
+        return MeasuredPositions(_cube(read_array(data, name), name))
     names, places, fps = read_csv(data, name)
-    return Measured(places, names, fps=fps)
+    return MeasuredPositions(places, names, fps=fps)
 
 
-def _of_npz(data: bytes, name: str) -> Measured:
+def _of_npz(data: bytes, name: str) -> MeasuredPositions:
     listed = array_names(data, name)
     key = next((key for key in _PLACES if key in listed), None)
     key = key or next((key for key in listed if key not in (*_NAMES, *_RATES, "parents")), None)
@@ -119,7 +119,9 @@ def _of_npz(data: bytes, name: str) -> Measured:
     texts = [
         text.decode("utf-8", errors="replace") if isinstance(text, bytes) else str(text) for text in names.ravel()
     ]
-    return Measured(_cube(arrays[key], f"{name}: '{key}'"), tuple(texts), tuple(map(int, parents.ravel())), fps)
+    return MeasuredPositions(
+        _cube(arrays[key], f"{name}: '{key}'"), tuple(texts), tuple(map(int, parents.ravel())), fps
+    )
 
 
 def _cube(array: np.ndarray, name: str) -> np.ndarray:
@@ -144,7 +146,7 @@ def _sensible_rate(fps: float, name: str) -> float:
 # --- which joints they are ----------------------------------------------------------------------
 
 
-def _with_joints(measured: Measured, name: str, asked: Asked) -> tuple[Measured, _Frame]:
+def _with_joints(measured: MeasuredPositions, name: str, asked: Asked) -> tuple[MeasuredPositions, _Frame]:
     count = measured.places.shape[1]
     if count > MAX_JOINTS:
         raise InputError(f"{name} has {count} joints, and {MAX_JOINTS} are the most.")
@@ -165,7 +167,7 @@ def _with_joints(measured: Measured, name: str, asked: Asked) -> tuple[Measured,
     return measured, _on_own(measured, name)
 
 
-def _with_sidecar(measured: Measured, asked: Asked) -> Measured:
+def _with_sidecar(measured: MeasuredPositions, asked: Asked) -> MeasuredPositions:
     try:
         raw = json.loads(asked.rig) if len(asked.rig) < 4 << 20 else None
         names = tuple(str(each) for each in raw.get("names", measured.names))  # type: ignore[union-attr]
@@ -175,7 +177,9 @@ def _with_sidecar(measured: Measured, asked: Asked) -> Measured:
         raise InputError(
             f"{asked.rig_name} states no skeleton.", 'It must hold {"names": [...], "parents": [...], "fps": 60}.'
         ) from None
-    return Measured(measured.places, names, parents, None if fps is None else _sensible_rate(fps, asked.rig_name))
+    return MeasuredPositions(
+        measured.places, names, parents, None if fps is None else _sensible_rate(fps, asked.rig_name)
+    )
 
 
 def _plain(name: str) -> str:
@@ -191,7 +195,7 @@ def _list_of(names: Sequence[str]) -> str | None:
     return None
 
 
-def _on_list(measured: Measured, name: str, title: str) -> _Frame:
+def _on_list(measured: MeasuredPositions, name: str, title: str) -> _Frame:
     joints = LISTS[title]()
     names = [joint for joint, *_ in joints]
     columns = _columns(names, measured, name, f"the list {title}")
@@ -199,7 +203,7 @@ def _on_list(measured: Measured, name: str, title: str) -> _Frame:
     return _ordered(names, parents, np.array([direction for *_, direction in joints]), columns, name)
 
 
-def _on_rig(measured: Measured, name: str, asked: Asked) -> _Frame:
+def _on_rig(measured: MeasuredPositions, name: str, asked: Asked) -> _Frame:
     rig = read_bvh(asked.rig, asked.rig_name, keep_unreadable_rows=True)
     names = [joint.name for joint in rig.joints]
     columns = _columns(names, measured, name, asked.rig_name)
@@ -208,7 +212,7 @@ def _on_rig(measured: Measured, name: str, asked: Asked) -> _Frame:
     return _ordered(names, [joint.parent for joint in rig.joints], rest, columns, name, ends)
 
 
-def _on_own(measured: Measured, name: str) -> _Frame:
+def _on_own(measured: MeasuredPositions, name: str) -> _Frame:
     """Joints from names and parents alone: the first frame with all joints is the pose at rest."""
     count = measured.places.shape[1]
     if len(measured.names) != count or len(measured.parents) != count:
@@ -223,7 +227,7 @@ def _on_own(measured: Measured, name: str) -> _Frame:
     return _ordered(list(measured.names), list(measured.parents), rest, np.arange(count), name)
 
 
-def _columns(names: Sequence[str], measured: Measured, name: str, where: str) -> np.ndarray:
+def _columns(names: Sequence[str], measured: MeasuredPositions, name: str, where: str) -> np.ndarray:
     """For each joint of a skeleton the index of its measured joint; -1 for none."""
     count = measured.places.shape[1]
     if not measured.names:

@@ -12,8 +12,8 @@ from data_schemas.errors import InputError
 from data_schemas.notes import Note
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh_header_write import header_text, plain_names
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
 from stages.shared.formats.skeleton_map import SkeletonMap
+from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of, motion_of_poses
 
 MAX_JOINTS = 4096
 
@@ -23,7 +23,7 @@ class Asked:
     """The user's settings for reading a recording.
 
     fps_override: true frames per second, if the file states none or a wrong one.
-    rest_frame, trim_first: see `stages.shared.formats.figure.motion_of_poses`.
+    rest_frame, trim_first: see `stages.shared.formats.source_body.motion_of_poses`.
     rig, rig_name: bytes and name of the skeleton file, for formats that keep it in a file of its own.
     body_models: folder of SMPL-like body models.
     skeleton_maps: the user's skeleton maps; for each rig the one that matches its joints is used.
@@ -57,8 +57,8 @@ class Recording:
 
 def recording_of(
     name: str,
-    rig: Rig,
-    poses: Poses,
+    rig: SourceRig,
+    poses: SourcePoses,
     asked: Asked,
     *,
     part: str = "",
@@ -95,7 +95,7 @@ def check_room(name: str, size: int, frames: int, joints: int) -> None:
         )
 
 
-def depth_first(rig: Rig, poses: Poses) -> tuple[Rig, Poses]:
+def depth_first(rig: SourceRig, poses: SourcePoses) -> tuple[SourceRig, SourcePoses]:
     """The same rig and poses with the joints in depth-first order, the order of a BVH."""
     children: list[list[int]] = [[] for _ in rig.names]
     for joint, parent in enumerate(rig.parents):

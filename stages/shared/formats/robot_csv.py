@@ -10,10 +10,10 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
-from stages.shared.formats.figure import Poses
 from stages.shared.formats.recording import Asked, Recording, check_room, recording_of
-from stages.shared.formats.robot_rig import TO_FIGURE, RobotRig, robot_rig
+from stages.shared.formats.robot_rig import FROM_ROBOT, RobotRig, robot_rig
 from stages.shared.formats.robot_table import read_table
+from stages.shared.formats.source_body import SourcePoses
 from stages.shared.formats.urdf import looks_urdf
 
 USUAL_FPS = 30.0
@@ -32,7 +32,9 @@ def read_robot_csv(data: bytes, name: str, asked: Asked) -> list[Recording]:
     if fps is None:
         fps = USUAL_FPS
         remarks.append(note(Flag.NO_FRAME_RATE, fps=USUAL_FPS))
-    return [recording_of(name, rig.figure(), poses_of(table.values, rig, fps), asked, notes=notes, remarks=remarks)]
+    return [
+        recording_of(name, rig.source_rig(), poses_of(table.values, rig, fps), asked, notes=notes, remarks=remarks)
+    ]
 
 
 def rig_asked(name: str, asked: Asked) -> RobotRig:
@@ -46,16 +48,16 @@ def rig_asked(name: str, asked: Asked) -> RobotRig:
     return robot_rig(asked.rig, asked.rig_name)
 
 
-def poses_of(values: np.ndarray, rig: RobotRig, fps: float) -> Poses:
+def poses_of(values: np.ndarray, rig: RobotRig, fps: float) -> SourcePoses:
     """The poses of rows, in the axes of a skeleton (Y up).
 
     Args:
         values: (T, 7 + M) rows of a RobotTable.
     """
     local = rig.hinges.local_rotations(values[:, 7:])
-    root = values[:, 3:7][:, (*TO_FIGURE, 3)]
+    root = values[:, 3:7][:, (*FROM_ROBOT, 3)]
     local[:, 0] = root / np.linalg.norm(root, axis=1, keepdims=True)
-    return Poses(local, values[:, :3][:, TO_FIGURE].copy(), fps)
+    return SourcePoses(local, values[:, :3][:, FROM_ROBOT].copy(), fps)
 
 
 def _written_w_first(quaternions: np.ndarray) -> bool:

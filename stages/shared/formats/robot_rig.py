@@ -16,14 +16,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
-from stages.shared.formats.figure import Rig
 from stages.shared.formats.hinges import Hinges
+from stages.shared.formats.source_body import SourceRig
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.urdf import Urdf, UrdfJoint, read_urdf, rotation_of
 from stages.shared.humanoid.joint_names import sense_of
 from stages.shared.humanoid.reference_pose import LEAF_LENGTH_M
 
-TO_FIGURE = (1, 2, 0)  # components x, y, z of a robot in the order in which a figure has them
+FROM_ROBOT = (1, 2, 0)  # components x, y, z of a robot in the order in which a Y-up skeleton has them
 TO_ROBOT = (2, 0, 1)
 _SHORTEST_END_M = 0.05  # a nearer fixed link or solid does not determine the end of a hand or foot
 _SAME_DISTANCE = 0.99
@@ -43,7 +43,7 @@ class RobotRig:
     names:     as the URDF has them, without "_joint"; the root is called as its link.
     end_sites: (J, 3) metres, where leaves end.
     angle_names: M names of joints as the URDF has them, in its order: that of the angles in a row.
-    hinges:    the joints as a figure has them, in its axes.
+    hinges:    the joints as a skeleton has them, Y up.
     """
 
     source: str
@@ -52,9 +52,9 @@ class RobotRig:
     angle_names: tuple[str, ...]
     hinges: Hinges
 
-    def figure(self) -> Rig:
-        """The joints as the type of `stages.shared.formats.figure`."""
-        return Rig(
+    def source_rig(self) -> SourceRig:
+        """The joints as the type of `stages.shared.formats.source_body`."""
+        return SourceRig(
             names=self.names,
             parents=tuple(self.hinges.parents.tolist()),
             offsets=tuple((x, y, z) for x, y, z in self.hinges.offsets.tolist()),
@@ -103,16 +103,16 @@ def robot_rig(data: bytes, name: str) -> RobotRig:
     turning = [part.joint for part in parts]
     hinges = Hinges(
         parents=np.array([part.parent for part in parts]),
-        offsets=np.array([part.place for part in parts])[:, TO_FIGURE],
-        at_zero=_quaternions(parts)[:, (*TO_FIGURE, 3)],
-        axes=np.array([joint.axis if joint else (0.0, 0.0, 0.0) for joint in turning])[:, TO_FIGURE],
+        offsets=np.array([part.place for part in parts])[:, FROM_ROBOT],
+        at_zero=_quaternions(parts)[:, (*FROM_ROBOT, 3)],
+        axes=np.array([joint.axis if joint else (0.0, 0.0, 0.0) for joint in turning])[:, FROM_ROBOT],
         columns=np.array([places[joint.mimic or joint.name] if joint else -1 for joint in turning]),
         leads=np.array([joint is not None and not joint.mimic for joint in turning]),
         factors=np.array([joint.factor if joint else 1.0 for joint in turning]),
         shifts=np.array([joint.shift if joint else 0.0 for joint in turning]),
         limits=np.array([joint.limits for joint in angles]),
     )
-    ends = np.array([part.end for part in parts])[:, TO_FIGURE]
+    ends = np.array([part.end for part in parts])[:, FROM_ROBOT]
     return RobotRig(name, _names(urdf, parts), ends, tuple(joint.name for joint in angles), hinges)
 
 

@@ -71,7 +71,7 @@ GENDERS = ("neutral", "male", "female")
 
 
 @lru_cache(maxsize=1)
-def _figure() -> dict[str, tuple[str, _Place]]:
+def _all_joints() -> dict[str, tuple[str, _Place]]:
     """Parent and head of every joint of all layouts."""
     left = list(_LEFT_OR_MIDDLE)
     for finger, heads in _PHALANX.items():
@@ -85,8 +85,8 @@ def _figure() -> dict[str, tuple[str, _Place]]:
 
 def parents_of(layout: str) -> tuple[int, ...]:
     """Parents of a layout's joints, -1 for the pelvis."""
-    names, figure = LAYOUTS[layout], _figure()
-    return tuple(names.index(figure[name][0]) if figure[name][0] else -1 for name in names)
+    names, joints = LAYOUTS[layout], _all_joints()
+    return tuple(names.index(joints[name][0]) if joints[name][0] else -1 for name in names)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class RestJoints:
 
 def neutral_joints(layout: str) -> RestJoints:
     """The joints of the neutral body, used when no body model is given."""
-    return RestJoints(tuple(_figure()[name][1] for name in LAYOUTS[layout]), (0.0, 0.0, 0.0))
+    return RestJoints(tuple(_all_joints()[name][1] for name in LAYOUTS[layout]), (0.0, 0.0, 0.0))
 
 
 def subject_joints(folder: Path, layout: str, gender: str, betas: np.ndarray) -> RestJoints:

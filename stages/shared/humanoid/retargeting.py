@@ -65,7 +65,7 @@ class Retargeted:
 
 
 @dataclass(frozen=True)
-class _Figure:
+class _PosedBody:
     """A skeleton in F poses: positions (F, J, 3) metres, rotations (F, J, 4) global."""
 
     skeleton: Skeleton
@@ -122,12 +122,12 @@ def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion |
     Raises: InputError if the target's rest pose is not a human pose and `poses` has no better one, or if a skeleton
         lacks a limb.
     """
-    moving = _Figure(source, positions_of(source, motion), motion.rotations)
+    moving = _PosedBody(source, positions_of(source, motion), motion.rotations)
     pieces = {group: match_limb(source, target, group) for group in LIMBS}
     models, names = _reference_poses(target, poses)
     frame, model, apart = _most_alike(moving, models, pieces)
-    anchor = _Figure(models.skeleton, models.positions[[model]], models.rotations[[model]])
-    still = _Figure(source, moving.positions[[frame]], moving.rotations[[frame]])
+    anchor = _PosedBody(models.skeleton, models.positions[[model]], models.rotations[[model]])
+    still = _PosedBody(source, moving.positions[[frame]], moving.rotations[[frame]])
     turns = _answers(source, target, pieces)
     rotations = _carried(moving, still, anchor, turns, pieces)
     size = size_ratio(source, target)
@@ -149,13 +149,13 @@ def rest_pose(skeleton: Skeleton) -> Motion:
 
 def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
     """Whether the body stands in the first frame: trunk up, legs down."""
-    figure = _Figure(skeleton, positions_of(skeleton, pose)[:1], pose.rotations[:1])
-    legs = np.stack([figure.directions(bones_of(skeleton, leg)[:2])[0] for leg in LEGS])
-    spine = figure.directions(bones_of(skeleton, 0))[0]
+    body = _PosedBody(skeleton, positions_of(skeleton, pose)[:1], pose.rotations[:1])
+    legs = np.stack([body.directions(bones_of(skeleton, leg)[:2])[0] for leg in LEGS])
+    spine = body.directions(bones_of(skeleton, 0))[0]
     return bool(spine[1] > UPRIGHT and (legs[:, 1] < -UPRIGHT).all())
 
 
-def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_Figure, list[int]]:
+def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_PosedBody, list[int]]:
     """The target in every pose that may be its reference, and the frame of each; -1 for the rest pose."""
     candidates, names = [], []
     if is_human_pose(target, rest := rest_pose(target)):
@@ -171,13 +171,15 @@ def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_Figure, l
             "Give a BVH of the rig with at least one frame of motion.",
         )
     positions, rotations = (np.concatenate(parts) for parts in zip(*candidates, strict=True))
-    return _Figure(target, positions, rotations), names
+    return _PosedBody(target, positions, rotations), names
 
 
-def _most_alike(moving: _Figure, models: _Figure, pieces: dict[int, tuple[Piece, ...]]) -> tuple[int, int, float]:
+def _most_alike(
+    moving: _PosedBody, models: _PosedBody, pieces: dict[int, tuple[Piece, ...]]
+) -> tuple[int, int, float]:
     """Frame of the source and pose of the target whose limbs are most similar, seen from their trunks."""
     chosen = np.unique(np.linspace(0, len(moving.positions) - 1, CANDIDATES).astype(int))
-    some = _Figure(moving.skeleton, moving.positions[chosen], moving.rotations[chosen])
+    some = _PosedBody(moving.skeleton, moving.positions[chosen], moving.rotations[chosen])
     lower, upper = (_between(getattr(some, part)(), getattr(models, part)()) for part in ("pelvis", "chest"))
     bend = _between(some.pelvis().inv() * some.chest(), models.pelvis().inv() * models.chest())
     angles = [_angles(upper, some.neck(), models.neck()), *2 * [bend.magnitude().reshape(len(chosen), -1)]]
@@ -232,9 +234,9 @@ def _one_hot(count: int, index: int) -> np.ndarray:
 
 
 def _carried(
-    moving: _Figure,
-    still: _Figure,
-    anchor: _Figure,
+    moving: _PosedBody,
+    still: _PosedBody,
+    anchor: _PosedBody,
     answers: dict[int, np.ndarray],
     pieces: dict[int, tuple[Piece, ...]],
 ) -> np.ndarray:
@@ -271,9 +273,9 @@ def _blended(turns: dict[int, Rotation], weights: np.ndarray) -> Rotation:
 
 
 def _reference_in_source_pose(
-    still: _Figure, anchor: _Figure, pieces: dict[int, tuple[Piece, ...]]
+    still: _PosedBody, anchor: _PosedBody, pieces: dict[int, tuple[Piece, ...]]
 ) -> dict[int, Rotation]:
-    """Global rotations of the target's joints with its figure turned, bone by bone, into the source's pose."""
+    """Global rotations of the target's joints with its body turned, bone by bone, into the source's pose."""
     lower, upper = (getattr(still, part)()[0] * getattr(anchor, part)()[0].inv() for part in ("pelvis", "chest"))
     made = {joint: lower * Rotation.from_quat(q) for joint, q in enumerate(anchor.rotations[0])}
     spine = spine_of(anchor.skeleton)
@@ -298,7 +300,7 @@ def _part_way(first: Rotation, second: Rotation, share: float) -> Rotation:
     return first * Rotation.from_rotvec(share * (first.inv() * second).as_rotvec())
 
 
-def _path(moving: _Figure) -> tuple[np.ndarray, np.ndarray]:
+def _path(moving: _PosedBody) -> tuple[np.ndarray, np.ndarray]:
     """The point on the floor under the first frame's hips (3,), and where the hips go (T, 3)."""
     hips = _hips(moving.skeleton, moving.positions)
     floor = float(floor_levels(moving.positions, find_feet(moving.skeleton)).min())

@@ -1,6 +1,6 @@
-"""Retargeting by clouds: the moving figure's points, in the other figure's size, pull its joints to their places.
+"""Retargeting by clouds: the moving body's points, in the other body's size, pull its joints to their places.
 
-Bones that turn alike (`stages.shared.humanoid.retargeting`) end in other places where two figures are built
+Bones that turn alike (`stages.shared.humanoid.retargeting`) end in other places where two bodies are built
 differently: a hand that rests on the hip comes to float before it. Points that ride on answering places of answering
 bones say where every part of the body should be, and the solve finds the pose between both wishes.
 """
@@ -42,8 +42,8 @@ def pull_to_places(
     """The turned motion with hands, feet and what lies between drawn to where the source has them, in its own size.
 
     Args:
-        source, motion: the figure that moves, T frames.
-        target: the figure that is to move. turned: what turning its bones made of the motion.
+        source, motion: the body that moves, T frames.
+        target: the body that is to move. turned: what turning its bones made of the motion.
         points: how many to draw on the limbs.
 
     Returns: T frames on the target.
@@ -64,7 +64,7 @@ def pull_to_places(
 
 
 class _MatchedPoints(NamedTuple):
-    """P points on the limbs: the bone each rides on and its place in the bone's frame, on both figures."""
+    """P points on the limbs: the bone each rides on and its place in the bone's frame, on both bodies."""
 
     source_bones: np.ndarray
     source_points: np.ndarray
@@ -81,7 +81,7 @@ def _answering_points(
     rng: np.random.Generator,
 ) -> _MatchedPoints:
     """Points at the same share of the way down answering pieces, and at the same place around them in the pose that
-    both figures share at the reference frame."""
+    both bodies share at the reference frame."""
     pieces = [piece for group in LIMBS for piece in match_limb(source, target, group)]
     lengths = np.array([bone_lengths(target, piece.target).sum() for piece in pieces])
     chosen, shares, around = draw_points(lengths, points, rng)

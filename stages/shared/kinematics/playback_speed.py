@@ -2,7 +2,7 @@
 
 Bodies of one size under one gravity move at like speeds, and a clip that is played at another speed is out of line in
 several ways at once: speeds, the ratio of acceleration to speed, how hard the pelvis is thrown down. Six such
-figures, all logarithms and without unit, go into a quadratic regression of log2 of the playback speed, fitted on
+features, all logarithms and without unit, go into a quadratic regression of log2 of the playback speed, fitted on
 recordings played at half, their own and twice their speed (docs/log.md, 2026-11-28); docs/formats.md says how often
 it is right. It is a hint and no proof: slow styles exist, and so do fast ones.
 """
@@ -22,7 +22,7 @@ LEAST_S = 1.0
 LONGEST_S = 40.0  # more of a clip tells nothing new
 SUSPECT = 0.6  # |log2 of the speed| from which a frame rate is suspected
 
-# The regression's weights: of the figures, of their squares, and the constant. Fitting: docs/log.md, 2026-11-28.
+# The regression's weights: of the features, of their squares, and the constant. Fitting: docs/log.md, 2026-11-28.
 WEIGHTS = np.array(
     [
         *(-0.54851, 0.62742, 1.6391, 0.15832, 0.18281, -0.20778),
@@ -40,11 +40,11 @@ def log_speed(skeleton: Skeleton, positions: np.ndarray, fps: float) -> float | 
 
     Returns: None for a clip shorter than a second, one that stands still, or a figure without legs.
     """
-    figures = speed_figures(skeleton, positions, fps)
-    return None if figures is None else float(design(figures[None])[0] @ WEIGHTS)
+    features = speed_features(skeleton, positions, fps)
+    return None if features is None else float(design(features[None])[0] @ WEIGHTS)
 
 
-def speed_figures(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.ndarray | None:
+def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.ndarray | None:
     """(6,) what the regression looks at; None where there is nothing to see."""
     positions = positions[: int(LONGEST_S * fps)].astype(np.float64)
     try:
@@ -77,6 +77,6 @@ def speed_figures(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.n
     )
 
 
-def design(figures: np.ndarray) -> np.ndarray:
-    """(N, 13) rows of the regression from (N, 6) figures."""
-    return np.concatenate([figures, figures**2, np.ones((len(figures), 1))], axis=1)
+def design(features: np.ndarray) -> np.ndarray:
+    """(N, 13) rows of the regression from (N, 6) features."""
+    return np.concatenate([features, features**2, np.ones((len(features), 1))], axis=1)

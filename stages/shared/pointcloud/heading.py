@@ -30,9 +30,9 @@ def across_of(points: Tensor, groups: Tensor) -> Tensor:
 
 
 def headings_of(points: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
-    """Yaw that turns each frame's figure to face +Z, its left along +X: (B, T) radians about Y.
+    """Yaw that turns each frame's body to face +Z, its left along +X: (B, T) radians about Y.
 
-    Smoothed over a third of a second. Where no side is to be seen (a figure lying on its side) it is some angle.
+    Smoothed over a third of a second. Where no side is to be seen (a body lying on its side) it is some angle.
     """
     across = across_of(points, groups)
     if valid is not None:

@@ -31,7 +31,7 @@ class Rig:
     """A skeleton with its rest pose.
 
     skeleton:     J joints; its header writes files of the rig.
-    rest_local:   (J, 4) float32 xyzw, rotations in the parents' frames at rest, the figure facing +Z.
+    rest_local:   (J, 4) float32 xyzw, rotations in the parents' frames at rest, the body facing +Z.
     rest_root:    (3,) float32 metres, joint 0 at rest.
     pelvis_moves: True where the file moves the pelvis below a joint 0 that stands still; else joint 0 moves.
     """

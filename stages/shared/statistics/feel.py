@@ -15,7 +15,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import Feet, detect_contacts, find_feet
-from stages.shared.statistics.figures import Figures, Truth, keys_beside_gaps
+from stages.shared.statistics.measurements import Measurements, Truth, keys_beside_gaps
 
 MILLIMETRES = 1000.0
 
@@ -51,7 +51,7 @@ def feel(
     feet: TrueFeet | None,
     fell_back: np.ndarray | None = None,
     seams: np.ndarray | None = None,
-) -> Figures:
+) -> Measurements:
     """The figures of B windows; NaN where a window cannot tell one.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stages.shared.statistics.bootstrap import Estimate
-from stages.shared.statistics.figures import METRICS, TRUTH, metric_named
+from stages.shared.statistics.measurements import METRICS, TRUTH, metric_named
 from stages.shared.statistics.table import Entry, Row, Table
 from stages.shared.statistics.tables import Cell, Key, aligned, decimals_of, in_order, scopes_of, span_text
 

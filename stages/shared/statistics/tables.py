@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.metrics import MetricRow
 from stages.shared.statistics.bootstrap import Estimate, mean_interval, ratio_interval
-from stages.shared.statistics.figures import METRICS, POWER_WEIGHTED, TRUTH, metric_named
+from stages.shared.statistics.measurements import METRICS, POWER_WEIGHTED, TRUTH, metric_named
 from stages.shared.statistics.table import Entry, Row, Table
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, RECONSTRUCTION, RETARGETING, TRANSITION
 

@@ -18,7 +18,7 @@ import torch
 from data_schemas.errors import PumpsError, UsageError
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.ranks import Ranks
-from stages.shared.training.task import Drawer, Task, step_random
+from stages.shared.training.task import Drawer, TrainingTask, step_random
 
 DRAW = 1  # the purpose of the generators
 _drawer: Drawer | None = None  # set in a drawing process
@@ -44,7 +44,7 @@ def parts_of(config: TrainingConfig, ranks: Ranks, splits: bool) -> list[range]:
 
 
 def drawn_ahead(
-    task: Task[Any], config: TrainingConfig, parts: list[range], first_step: int
+    task: TrainingTask[Any], config: TrainingConfig, parts: list[range], first_step: int
 ) -> Generator[Any, None, None]:
     """The batches of all steps from `first_step` on, part by part. Draws depend on (seed, step, window) only.
 

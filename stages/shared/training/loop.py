@@ -25,7 +25,7 @@ from stages.shared.training.config import TrainingConfig
 from stages.shared.training.log import TrainingLog
 from stages.shared.training.optimiser import Optimiser
 from stages.shared.training.ranks import Ranks, join_ranks
-from stages.shared.training.task import Task, step_generator
+from stages.shared.training.task import TrainingTask, step_generator
 from stages.shared.training.unfinished import Place, Unfinished, arrays_of, set_weights
 
 _NETWORK = 2  # the purpose of the generators
@@ -66,7 +66,7 @@ def average_decay(config: TrainingConfig, step: int) -> float:
     return min(config.average, (1 + step) / (10 + step))
 
 
-def train(task: Task[Any], config: TrainingConfig, *, progress: Progress) -> Trained:
+def train(task: TrainingTask[Any], config: TrainingConfig, *, progress: Progress) -> Trained:
     """Train until the steps are done, or patience or `max_time` runs out; in all processes of the launcher.
 
     Raises:
@@ -91,7 +91,7 @@ def _threads_left(workers: int) -> Iterator[None]:
 
 
 class _Run:
-    def __init__(self, task: Task[Any], config: TrainingConfig, ranks: Ranks, progress: Progress):
+    def __init__(self, task: TrainingTask[Any], config: TrainingConfig, ranks: Ranks, progress: Progress):
         self.task, self.config, self.ranks, self.progress = task, config, ranks, progress
         self.parts = parts_of(config, ranks, task.splits())
         if config.minutes and ranks.count > 1:

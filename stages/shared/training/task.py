@@ -38,7 +38,7 @@ class Drawer(Protocol):
         ...
 
 
-class Task(ABC, Generic[Networks]):
+class TrainingTask(ABC, Generic[Networks]):
     """One training: its networks, its batches, its loss and its validation."""
 
     networks: Networks

@@ -16,14 +16,14 @@ from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.pointcloud.assignment import paired_difference
 from stages.shared.pointcloud.reconstruction import distances, nearest_differences, spread_ratios
-from stages.shared.training.task import HELD_BACK_SEED, RowRandom, Task
+from stages.shared.training.task import HELD_BACK_SEED, RowRandom, TrainingTask
 from stages.shared.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
 from stages.train.ae.config import Config
 
 _UNIT_M = 0.1  # the loss is in squared decimetres, so that it is near 1 at the start
 
 
-class Autoencoder(nn.Module):
+class AutoencoderNetworks(nn.Module):
     """Encoder and decoder together."""
 
     def __init__(self, config: Config):
@@ -81,14 +81,14 @@ class CloudDrawer:
         return batches
 
 
-class AutoencoderTask(Task[Autoencoder]):
+class AutoencoderTask(TrainingTask[AutoencoderNetworks]):
     """Training the encoder and decoder together."""
 
     def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
         self.config, self.device = config, device
         self._drawer = CloudDrawer(config, pool)
         torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
-        self.networks = Autoencoder(config).to(device)
+        self.networks = AutoencoderNetworks(config).to(device)
         rng = np.random.default_rng((HELD_BACK_SEED, 7))
         windows = held_back.draw(32, config.window, rng, augment=False)
         self.held_back = self._drawer.clouds(windows, rng, augment=False, copies=2)
@@ -122,7 +122,7 @@ class AutoencoderTask(Task[Autoencoder]):
         choose_pairs = nearest_differences if self.config.loss == "chamfer" else paired_difference
         moving, static = split_over_time(choose_pairs(made, points, groups, valid) / _UNIT_M, valid)
         value = static + (1 + self.config.variation_weight) * moving
-        # Figures stay on the device: reading them would wait for it.
+        # Measurements stay on the device: reading them would wait for it.
         figures = {"rec": (static + moving).detach(), "moving": moving.detach()}
         if self.config.decoder.identities == "vae":
             # -log p = half the squared distance over the observation's variance, here one unit, plus the divergence.
@@ -133,7 +133,7 @@ class AutoencoderTask(Task[Autoencoder]):
         return value, figures
 
     def validate(self) -> dict[str, float]:
-        """Figures in millimetres: matched pairs' distance (`rec_mm`), the same between two true draws
+        """Measurements in millimetres: matched pairs' distance (`rec_mm`), the same between two true draws
         (`reference_mm`), how both vary over time, and the spread ratio. `score` is
         the variation plus a tenth of rec."""
         batch, other = self.held_back

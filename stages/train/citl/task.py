@@ -16,7 +16,7 @@ from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
 from stages.shared.training.masks import draw_keys
-from stages.shared.training.task import HELD_BACK_SEED, RowRandom, Task, step_seed
+from stages.shared.training.task import HELD_BACK_SEED, RowRandom, TrainingTask, step_seed
 from stages.shared.training.windows import WindowPool, Windows
 from stages.train.citl.config import Config
 
@@ -84,7 +84,7 @@ class PoseDrawer:
         )
 
 
-class InterpolatorTask(Task[PoseInterpolator]):
+class InterpolatorTask(TrainingTask[PoseInterpolator]):
     """Training the interpolator of one skeleton's poses."""
 
     def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):

@@ -15,7 +15,7 @@ from torch import Tensor
 from stages.shared.inference.models import Autoencoder
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
-from stages.shared.training.task import Drawer, Task
+from stages.shared.training.task import Drawer, TrainingTask
 from stages.shared.training.unfinished import Unfinished
 from stages.shared.training.windows import WindowPool
 from stages.train.lms.config import Config
@@ -29,7 +29,7 @@ _LEAST_LATENT = 0.1
 _UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
 
 
-class SynthesiserTask(Task[LatentSynthesiser]):
+class SynthesiserTask(TrainingTask[LatentSynthesiser]):
     """Training the synthesiser behind a frozen autoencoder."""
 
     def __init__(

@@ -15,11 +15,11 @@ from torch import Tensor
 from stages.shared.kinematics.conventions import MIRRORED_GROUP
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.skeleton_losses import end_bones, end_effector_loss, roll_loss, unit_quaternion_loss
-from stages.shared.networks.pcmrl.skeleton_network import Pose, SkeletonNetwork, draw_own_points
+from stages.shared.networks.pcmrl.skeleton_network import RigPose, SkeletonNetwork, draw_own_points
 from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.pointcloud.knn_loss import distances_of, nearest_trajectories, normalised_by_group, velocities
 from stages.shared.pointcloud.rig import Rig
-from stages.shared.training.task import RowRandom, Task, rows_of
+from stages.shared.training.task import RowRandom, TrainingTask, rows_of
 from stages.shared.training.windows import CloudDraws, Windows, clouds_of, draw_clouds, known_centre
 from stages.train.skeleton.config import Config
 from stages.train.skeleton.sources import MixedPool
@@ -83,7 +83,7 @@ class SourceDrawer:
         )
 
 
-class SkeletonTask(Task[SkeletonNetwork]):
+class SkeletonTask(TrainingTask[SkeletonNetwork]):
     """Training one rig's network."""
 
     def __init__(self, config: Config, rig: Rig, pool: MixedPool, held_back: MixedPool, device: torch.device):
@@ -106,7 +106,7 @@ class SkeletonTask(Task[SkeletonNetwork]):
     def splits(self) -> bool:
         return True
 
-    def _pose(self, batch: SourceBatch) -> Pose:
+    def _pose(self, batch: SourceBatch) -> RigPose:
         points, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
         times = torch.arange(points.shape[1], device=self.device).unsqueeze(0)
         with precision(self.device, self.config.mixed_precision):
@@ -136,14 +136,14 @@ class SkeletonTask(Task[SkeletonNetwork]):
         loss = torch.stack([weights[name] * value for name, value in terms.items()]).sum()
         return loss, {name: value.detach() for name, value in terms.items()}
 
-    def _end_distance(self, batch: SourceBatch, pose: Pose) -> Tensor:
+    def _end_distance(self, batch: SourceBatch, pose: RigPose) -> Tensor:
         """L_end of head, hands and feet, summed over those that both have, metres."""
         there = torch.tensor([end >= 0 for end in self.ends])
         ends = pose.heads[:, :, [max(end, 0) for end in self.ends]]
         pairs = (batch.has_end & there).to(self.device)
         return end_effector_loss(ends, batch.ends.to(self.device), pairs, batch.valid.to(self.device))
 
-    def _cloud_terms(self, batch: SourceBatch, own: DrawnPoints, pose: Pose) -> dict[str, Tensor]:
+    def _cloud_terms(self, batch: SourceBatch, own: DrawnPoints, pose: RigPose) -> dict[str, Tensor]:
         """Distances of the source's cloud and the rig's: places, shapes of body groups, velocities."""
         config = self.config
         source, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
@@ -185,7 +185,7 @@ class SkeletonTask(Task[SkeletonNetwork]):
             figures["mpjpe_mm"] = self._joint_error_mm(pose)
         return figures
 
-    def _joint_error_mm(self, pose: Pose) -> float:
+    def _joint_error_mm(self, pose: RigPose) -> float:
         mine, seen = self.own.to(self.device), self.rig.body.weights > 0
         bones = pose.heads.shape[2]
         truth = self.held_back.heads[self.own][:, :, :bones].to(self.device)

@@ -20,7 +20,7 @@ from stages.shared.contract import StageReport
 from stages.shared.outputs import check_folder
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.feel_tables import LEGEND, feel_markdown
-from stages.shared.statistics.figures import TRUTH
+from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.tables import baseline_of, cells, overview, scopes_of
 from stages.shared.statistics.tasks import TASK_NAMES
 from stages.shared.weights.facts import VERDICT_WORDS, verdicts

@@ -17,7 +17,7 @@ from stages.measure.ae.config import Config
 from stages.measure.ae.methods import FULL, PAPER, SKINNING, Method, change_of
 from stages.measure.ae.picture import Panel, cloud_picture
 from stages.measure.ae.run import run
-from stages.measure.ae.summary import REFERENCE, Measured, paper_pairs, summary_md
+from stages.measure.ae.summary import REFERENCE, AutoencoderResults, paper_pairs, summary_md
 from stages.shared.inference.models import Autoencoder, load_autoencoder
 from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes
 from stages.train.ae.config import Config as TrainConfig
@@ -110,7 +110,7 @@ def test_encoding_in_a_batch_is_encoding_one_by_one(trained):
         torch.testing.assert_close(made[index], alone, atol=1e-4, rtol=1e-4)
 
 
-def fake(levels: dict[str, float]) -> Measured:
+def fake(levels: dict[str, float]) -> AutoencoderResults:
     """Rows of six clips at given levels of L_rec, with a little of each clip's own."""
     methods = [Method(words, Path(), None, words, {}, 0, 0.0) for words in levels]  # type: ignore[arg-type]
     rows = [
@@ -120,7 +120,7 @@ def fake(levels: dict[str, float]) -> Measured:
         for metric in ("rec_m2", "rec_mm")
     ]
     given = Config(tpc=Path("t"), weights=(), output=Path("o"))
-    return Measured(given, methods, rows, 8, 24, 6)
+    return AutoencoderResults(given, methods, rows, 8, 24, 6)
 
 
 def test_the_papers_order_is_judged_by_the_figures():

@@ -15,7 +15,7 @@ from data_schemas.motion import MotionReader
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
 from stages.measure.latents import run as stage
-from stages.measure.latents.changes import Scene, changes, unchanged
+from stages.measure.latents.changes import OriginalWindow, changes, unchanged
 from stages.measure.latents.config import Config
 from stages.measure.latents.run import run
 from stages.shared.humanoid.rig_changes import RIGS, with_stiff_spine
@@ -38,9 +38,9 @@ def config(motions: Path, output: Path, **more) -> Config:
 
 
 @pytest.fixture(scope="module")
-def scene(motions: Path) -> Scene:
+def original(motions: Path) -> OriginalWindow:
     with MotionReader(motions) as reader:
-        return stage._scenes(reader, config(motions, Path("unused")), 64)[0]
+        return stage._original_windows(reader, config(motions, Path("unused")), 64)[0]
 
 
 @pytest.fixture(scope="module")
@@ -81,16 +81,16 @@ def test_a_half_turn_moves_latents_more_than_other_points(measured):
     assert measured["turned by 180 degrees, same draw", "move_any"] > 1.5 * measured["points redrawn", "move_any"]
 
 
-def test_changes_change_what_they_say(scene):
-    base = unchanged(scene).cloud
-    applied = {change.name: change.apply(scene, np.random.default_rng(0)) for change in changes()}
+def test_changes_change_what_they_say(original):
+    base = unchanged(original).cloud
+    applied = {change.name: change.apply(original, np.random.default_rng(0)) for change in changes()}
     torch.testing.assert_close(applied["5 frames later"].cloud[:-5], base[5:])
     torch.testing.assert_close(applied["turned by 180 degrees, same draw"].cloud[..., 1], base[..., 1])
     torch.testing.assert_close(applied["turned by 180 degrees, same draw"].cloud[..., 0], -base[..., 0])
     torch.testing.assert_close(
         applied["turned by 15 degrees, same draw"].cloud.norm(dim=-1), base.norm(dim=-1), atol=1e-5, rtol=1e-5
     )
-    bones = scene.bones.cloud(replace(scene.drawn, sigma_m=0.0))
+    bones = original.bones.cloud(replace(original.drawn, sigma_m=0.0))
     near, far = ((applied[f"sigma {s:g} m, same draw"].cloud - bones).norm(dim=-1) for s in (0.025, 0.075))
     torch.testing.assert_close(far, 3 * near, atol=1e-5, rtol=1e-4)
     assert applied["half the points"].cloud.shape[1] == 32
@@ -99,10 +99,10 @@ def test_changes_change_what_they_say(scene):
 
 
 @pytest.mark.parametrize("name", ["extra-spine", "twist-joints", "fingers", "other-axes"])
-def test_changed_rigs_move_as_before(scene, name):
-    changed = RIGS[name](scene.rigged, np.random.default_rng(0))
-    before, after = (positions_of(each.skeleton, each.motion) for each in (scene.rigged, changed))
-    names, new = scene.rigged.skeleton.names, changed.skeleton.names
+def test_changed_rigs_move_as_before(original, name):
+    changed = RIGS[name](original.rigged, np.random.default_rng(0))
+    before, after = (positions_of(each.skeleton, each.motion) for each in (original.rigged, changed))
+    names, new = original.rigged.skeleton.names, changed.skeleton.names
     kept = [new.index(each) for each in names]
     tolerance = 0.06 if name == "extra-spine" else 1e-4  # a spine that bends in more places is a little shorter
     if name != "twist-joints":
@@ -110,22 +110,22 @@ def test_changed_rigs_move_as_before(scene, name):
     assert len(new) >= len(names)
 
 
-def test_a_stiff_spine_is_rigid_and_leaves_the_legs_alone(scene):
-    stiff = with_stiff_spine(scene.rigged)
-    skeleton = scene.rigged.skeleton
-    before, after = positions_of(skeleton, scene.rigged.motion), positions_of(skeleton, stiff.motion)
+def test_a_stiff_spine_is_rigid_and_leaves_the_legs_alone(original):
+    stiff = with_stiff_spine(original.rigged)
+    skeleton = original.rigged.skeleton
+    before, after = positions_of(skeleton, original.rigged.motion), positions_of(skeleton, stiff.motion)
     legs = np.flatnonzero(skeleton.groups >= 3)
     np.testing.assert_allclose(after[:, legs], before[:, legs], atol=1e-5)
     np.testing.assert_allclose(np.linalg.norm(stiff.motion.rotations, axis=-1), 1, atol=1e-5)
 
 
-def test_motions_are_retargeted_to_the_other_skeletons(scene):
-    grown = RIGS["extra-spine"](scene.rigged, np.random.default_rng(0))
-    named = {change.name: change for change in changes({"grown": grown, "same": scene.rigged})}
+def test_motions_are_retargeted_to_the_other_skeletons(original):
+    grown = RIGS["extra-spine"](original.rigged, np.random.default_rng(0))
+    named = {change.name: change for change in changes({"grown": grown, "same": original.rigged})}
     rng = np.random.default_rng(0)
-    moved = named["retargeted to grown, spread"].apply(scene, rng)
+    moved = named["retargeted to grown, spread"].apply(original, rng)
     assert moved is not None and moved.cloud.shape == (FRAMES, 64, 3)
-    assert named["retargeted to same, spread"].apply(scene, rng) is None
+    assert named["retargeted to same, spread"].apply(original, rng) is None
     assert not any("retargeted" in change.name for change in changes())
 
 

@@ -13,9 +13,9 @@ from stages.shared.formats.amass import read_amass
 from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.smpl import LAYOUTS, neutral_joints, parents_of
+from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of, motion_of_poses
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 
@@ -66,11 +66,11 @@ def _smpl(layout: str, frames: int = 7) -> tuple[Skeleton, Motion]:
     names = LAYOUTS[layout]
     rng = np.random.default_rng(0)
     local = Rotation.from_rotvec(rng.normal(0, 0.3, (frames * len(names), 3))).as_quat()
-    rig = Rig(
+    rig = SourceRig(
         names, parents_of(layout), neutral_joints(layout).offsets, ((0.0, 0.0, 0.0),) * len(names),
         tuple(joint == 0 for joint in range(len(names))), 1.0, "z",
     )  # fmt: skip
-    poses = Poses(local.reshape(frames, -1, 4), rng.normal(0, 1, (frames, 3)), 60.0)
+    poses = SourcePoses(local.reshape(frames, -1, 4), rng.normal(0, 1, (frames, 3)), 60.0)
     return motion_of_poses(body_of(rig), poses)[:2]
 
 

@@ -9,8 +9,8 @@ import pytest
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import body_of, motion_of_poses
 from stages.shared.formats.gltf_write import glb_of_motion
+from stages.shared.formats.source_body import body_of, motion_of_poses
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.glb_reading import read_glb

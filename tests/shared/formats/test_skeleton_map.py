@@ -12,8 +12,8 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.formats.figure import body_of, motion_of_poses
 from stages.shared.formats.skeleton_map import SkeletonMap, choose_map, read_skeleton_map, text_of_anatomy
+from stages.shared.formats.source_body import body_of, motion_of_poses
 from stages.shared.humanoid.anatomy import anatomy_of
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.bvh_texts import BvhText

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stages.shared.formats.figure import Poses, Rig
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 
-Body = tuple[Rig, Poses]
+Body = tuple[SourceRig, SourcePoses]
 
 
-def changed(rig: Rig, poses: Poses, change: str, rng: np.random.Generator) -> tuple[Rig, Poses, np.ndarray]:
+def changed(
+    rig: SourceRig, poses: SourcePoses, change: str, rng: np.random.Generator
+) -> tuple[SourceRig, SourcePoses, np.ndarray]:
     """The rig without names and changed in its "lengths", "order", "world", "axes", or in "all" of these; and which
     old joint each new one is."""
     rig, poses = renamed(rig, poses)
@@ -27,12 +29,12 @@ def changed(rig: Rig, poses: Poses, change: str, rng: np.random.Generator) -> tu
     return rig, poses, np.arange(len(rig.names))
 
 
-def renamed(rig: Rig, poses: Poses) -> Body:
+def renamed(rig: SourceRig, poses: SourcePoses) -> Body:
     """j0, j1, ..."""
     return replace(rig, names=tuple(f"j{joint}" for joint in range(len(rig.names)))), poses
 
 
-def resized(rig: Rig, poses: Poses, rng: np.random.Generator, share: float = 0.15) -> Body:
+def resized(rig: SourceRig, poses: SourcePoses, rng: np.random.Generator, share: float = 0.15) -> Body:
     """Every bone longer or shorter by up to `share`, each by itself, so that left and right differ too."""
     factors = rng.uniform(1 - share, 1 + share, len(rig.names))
     offsets = np.array(rig.offsets) * factors[:, None]
@@ -40,7 +42,9 @@ def resized(rig: Rig, poses: Poses, rng: np.random.Generator, share: float = 0.1
     return replace(rig, offsets=_tuples(offsets), end_sites=_tuples(ends)), poses
 
 
-def shuffled(rig: Rig, poses: Poses, rng: np.random.Generator) -> tuple[Rig, Poses, np.ndarray]:
+def shuffled(
+    rig: SourceRig, poses: SourcePoses, rng: np.random.Generator
+) -> tuple[SourceRig, SourcePoses, np.ndarray]:
     """Joints in another order, parents before children; and which old joint each new one is."""
     children: list[list[int]] = [[] for _ in rig.names]
     for joint, parent in enumerate(rig.parents):
@@ -66,7 +70,7 @@ def shuffled(rig: Rig, poses: Poses, rng: np.random.Generator) -> tuple[Rig, Pos
     return new, posed, np.array(order)
 
 
-def turned(rig: Rig, poses: Poses, rng: np.random.Generator) -> Body:
+def turned(rig: SourceRig, poses: SourcePoses, rng: np.random.Generator) -> Body:
     """The whole world turned any way."""
     turn = Rotation.random(random_state=rng)  # pyright: ignore[reportCallIssue]
     local = poses.local.copy()
@@ -74,7 +78,7 @@ def turned(rig: Rig, poses: Poses, rng: np.random.Generator) -> Body:
     return rig, replace(poses, local=local, root=turn.apply(poses.root))
 
 
-def with_other_axes(rig: Rig, poses: Poses, rng: np.random.Generator) -> Body:
+def with_other_axes(rig: SourceRig, poses: SourcePoses, rng: np.random.Generator) -> Body:
     """Every joint's own axes turned any way: the zero pose means nothing any more, the motion is the same."""
     axes = Rotation.random(len(rig.names), random_state=rng)  # pyright: ignore[reportCallIssue]
     local, offsets, ends = poses.local.copy(), np.array(rig.offsets), np.array(rig.end_sites)

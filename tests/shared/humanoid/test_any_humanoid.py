@@ -13,7 +13,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import rig_and_poses
-from stages.shared.formats.figure import Poses, Rig, body_of, motion_of_poses
+from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of, motion_of_poses
 from stages.shared.humanoid.anatomy import RigAnatomy, anatomy_of
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.humanoid.rig_changes import changed, renamed, resized, shuffled, turned, with_other_axes
@@ -22,7 +22,7 @@ from tests.shared.humanoid.written_rigs import WRITTEN, WrittenRig, standing, wr
 CHANGES = ("names", "lengths", "order", "world", "axes", "all")
 
 
-def _found(rig: Rig, poses: Poses) -> Skeleton:
+def _found(rig: SourceRig, poses: SourcePoses) -> Skeleton:
     return motion_of_poses(body_of(rig), poses)[0]
 
 
@@ -31,7 +31,7 @@ def _written(name: str) -> WrittenRig:
     return written_rig(name)
 
 
-def _anatomy(rig: Rig, poses: Poses) -> RigAnatomy:
+def _anatomy(rig: SourceRig, poses: SourcePoses) -> RigAnatomy:
     skeleton, motion, _ = motion_of_poses(body_of(rig), poses)
     return anatomy_of(skeleton, positions_of(skeleton, motion), motion.rotations.astype(float), 1 / motion.fps)
 
@@ -72,7 +72,7 @@ def test_feet_may_be_missing(name: str) -> None:
     drop = [j for j in feet if rig.parents[j] in feet or name == "smplx"]
     kept = [j for j in range(len(rig.names)) if j not in drop]
     place = {old: new for new, old in enumerate(kept)}
-    cut = Rig(
+    cut = SourceRig(
         tuple(rig.names[j] for j in kept), tuple(place.get(rig.parents[j], -1) for j in kept),
         tuple(rig.offsets[j] for j in kept), tuple(rig.end_sites[j] for j in kept),
         tuple(rig.placed[j] for j in kept),
@@ -113,13 +113,13 @@ def test_swapped_sides_are_noticed() -> None:
 # --- what is no humanoid ------------------------------------------------------------------------
 
 
-def _rig(joints: list[tuple[int, tuple[float, float, float]]]) -> tuple[Rig, Poses]:
+def _rig(joints: list[tuple[int, tuple[float, float, float]]]) -> tuple[SourceRig, SourcePoses]:
     count = len(joints)
-    rig = Rig(
+    rig = SourceRig(
         tuple(f"j{j}" for j in range(count)), tuple(parent for parent, _ in joints), tuple(at for _, at in joints),
         ((0.0, 0.0, 0.0),) * count, (True,) + (False,) * (count - 1),
     )  # fmt: skip
-    return rig, Poses(np.tile((0.0, 0.0, 0.0, 1.0), (3, count, 1)), np.zeros((3, 3)), 30.0)
+    return rig, SourcePoses(np.tile((0.0, 0.0, 0.0, 1.0), (3, count, 1)), np.zeros((3, 3)), 30.0)
 
 
 def _dog() -> list[tuple[int, tuple[float, float, float]]]:

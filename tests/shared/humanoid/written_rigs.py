@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from data_schemas.skeleton import NO_GROUP
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_rows import local_quaternions
-from stages.shared.formats.figure import Poses, Rig
+from stages.shared.formats.source_body import SourcePoses, SourceRig
 
 # Metres, a man of 1.75 m who faces +Z with his arms out.
 PLACES = {
@@ -152,9 +152,9 @@ WRITTEN: dict[str, tuple[str, tuple[str, str]]] = {
 class WrittenRig:
     """A rig in metres, the groups that its parts must have, and a motion of it."""
 
-    rig: Rig
+    rig: SourceRig
     groups: np.ndarray
-    poses: Poses
+    poses: SourcePoses
 
 
 def written_rig(name: str, clip: str = "walk") -> WrittenRig:
@@ -171,7 +171,7 @@ def written_rig(name: str, clip: str = "walk") -> WrittenRig:
     at = np.array(places, float)
     offsets = np.array([at[j] - at[p] if p >= 0 else (0.0, 0.0, 0.0) for j, p in enumerate(parents)])
     tips = np.array([_tip(mark, at[j]) if j not in parents else (0, 0, 0) for j, mark in enumerate(marks)], float)
-    rig = Rig(
+    rig = SourceRig(
         tuple(names), tuple(parents), tuple(map(tuple, offsets.tolist())), tuple(map(tuple, tips.tolist())),
         tuple(j == 0 for j in range(len(names))),
     )  # fmt: skip
@@ -243,7 +243,7 @@ _MOVERS = {
 _BY_PLACE = {place: mover for mover, places in _MOVERS.items() for place in places}
 
 
-def _moved(rig: Rig, marks: list[str], places: np.ndarray, clip: str) -> Poses:
+def _moved(rig: SourceRig, marks: list[str], places: np.ndarray, clip: str) -> SourcePoses:
     """The clip's movement on the rig: every part turns as the clip's same part turns from its zero pose."""
     bvh = read_bvh((_CLIPS / f"{clip}.bvh").read_bytes(), clip)
     local = local_quaternions(bvh.joints, bvh.values)
@@ -272,8 +272,8 @@ def _moved(rig: Rig, marks: list[str], places: np.ndarray, clip: str) -> Poses:
     root = bvh.values[:, :3] / 100 if marks[0] != "ground" else np.zeros((frames, 3))
     pelvis = marks.index("pelvis")
     if rig.parents[pelvis] >= 0 and marks[0] == "ground":
-        return Poses(out, root, 30.0, [pelvis], (bvh.values[:, None, :3] / 100))
-    return Poses(out, root, 30.0)
+        return SourcePoses(out, root, 30.0, [pelvis], (bvh.values[:, None, :3] / 100))
+    return SourcePoses(out, root, 30.0)
 
 
 def _mover(mark: str) -> str:
@@ -284,4 +284,4 @@ def standing(written: WrittenRig) -> WrittenRig:
     """The same rig in one frame, as it was built, with no motion at all."""
     joints = len(written.rig.names)
     still = np.tile((0.0, 0.0, 0.0, 1.0), (1, joints, 1))
-    return replace(written, poses=Poses(still, np.array([[0.0, 0.95, 0.0]]), 30.0))
+    return replace(written, poses=SourcePoses(still, np.array([[0.0, 0.95, 0.0]]), 30.0))

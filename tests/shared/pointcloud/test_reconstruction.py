@@ -1,4 +1,4 @@
-"""Figures of a reconstruction: nothing where clouds are equal, and the right share of each kind of difference."""
+"""Distances of a reconstruction: nothing where clouds are equal, and the right share of each kind of difference."""
 
 import numpy as np
 import pytest

@@ -13,7 +13,7 @@ from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, f
 from stages.shared.statistics import feel as feeling
 from stages.shared.statistics.feel import TrueFeet, feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines, feel_markdown
-from stages.shared.statistics.figures import Truth
+from stages.shared.statistics.measurements import Truth
 from stages.shared.statistics.tables import cells, task_tables
 
 FRAMES, FPS = 40, 30

@@ -16,7 +16,7 @@ from data_schemas.errors import PumpsError
 from stages.shared.progress import SILENT
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.loop import learning_rate, train
-from stages.shared.training.task import Task
+from stages.shared.training.task import TrainingTask
 from stages.train.ae.config import Config
 from stages.train.ae.run import run
 from tests.shared.training.tiny_clouds import write_clouds
@@ -133,7 +133,7 @@ def test_the_choices_of_the_loss_and_head_train(clouds, tmp_path, changes):
     assert all(math.isfinite(loss) for loss in losses)
 
 
-class Parabola(Task[nn.ParameterDict]):
+class Parabola(TrainingTask[nn.ParameterDict]):
     """The smallest task: one parameter that should become 3."""
 
     def __init__(self, poison_at: int | None = None):

@@ -27,7 +27,7 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_clouds(tmp_path_factory.mktemp("losses") / "tpc")
 
 
-class Measured(NamedTuple):
+class LossOfParts(NamedTuple):
     """The first batch's loss by an untrained network, its logged figures, and the reconstruction that it judges."""
 
     value: float
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
     made: Reconstruction
 
 
-def loss_of(clouds: Path, **settings) -> Measured:
+def loss_of(clouds: Path, **settings) -> LossOfParts:
     decoder = DecoderSizes(**{**SIZES, **settings.pop("decoder", {})})
     config = Config(
         tpc=clouds, output=clouds / "x", encoder=EncoderSizes(width=4, blocks=2, neighbours=4, heads=2),
@@ -46,7 +46,7 @@ def loss_of(clouds: Path, **settings) -> Measured:
         batch = task.draw(step_random(0, 1, 0, range(2)))
         value, figures = task.loss(batch, step_generator(0, 2, 0, range(2), torch.device("cpu")))
         made = task._reconstruct(batch, step_generator(0, 2, 0, range(2), torch.device("cpu")))
-    return Measured(float(value.detach()), {name: float(each) for name, each in figures.items()}, made)
+    return LossOfParts(float(value.detach()), {name: float(each) for name, each in figures.items()}, made)
 
 
 def test_the_loss_is_the_mean_square_of_assigned_pairs(clouds: Path):

@@ -143,7 +143,7 @@ class PoseInterpolator(nn.Module):
 
 
 def _seen(offsets: Tensor, directions: Tensor, yaw: Tensor) -> Tensor:
-    """FOQ as two columns of their matrices, and bones' directions, as each frame's figure sees them: (B, T, 9 J)."""
+    """FOQ as two columns of their matrices, and bones' directions, as each frame's body sees them: (B, T, 9 J)."""
     around = yaw.unsqueeze(-1)
     turns = turned(offsets[..., :3], around)  # a rotation seen from elsewhere has its axis turned, no more
     columns = roma.unitquat_to_rotmat(torch.cat([turns, offsets[..., 3:]], dim=-1))[..., :2]

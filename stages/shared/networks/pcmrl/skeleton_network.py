@@ -32,7 +32,7 @@ UPPER = (0, 1, 2, 4, 5, 8)  # of a symmetric 3 x 3 matrix
 MOMENTS = GROUPS * (3 + len(UPPER))
 
 
-class Pose(NamedTuple):
+class RigPose(NamedTuple):
     """A posed body of B bones.
 
     heads: (..., T, B, 3) metres. rotations: (..., T, B, 4) global unit quaternions xyzw.
@@ -75,7 +75,7 @@ class SkeletonNetwork(nn.Module):
             self.out.bias[:3] = 0
             self.out.bias[3:] = body.rest_world[self.seen].flatten()
 
-    def forward(self, points: Tensor, groups: Tensor, times: Tensor, valid: Tensor | None = None) -> Pose:
+    def forward(self, points: Tensor, groups: Tensor, times: Tensor, valid: Tensor | None = None) -> RigPose:
         """Args:
         points: (B, T, P, 3) metres. groups: (B, P) body groups; the order of points means nothing.
         times: (B or 1, T) model frames. valid: (B, T) True for real frames; None for all.
@@ -94,7 +94,7 @@ class SkeletonNetwork(nn.Module):
         features = self.embed(torch.cat([latents, group_moments(each, each_groups)], dim=-1))
         return Seen(features.unflatten(0, (-1, frames)), centroids.unflatten(0, (-1, frames)), yaw)
 
-    def pose(self, seen: Seen, times: Tensor, valid: Tensor | None = None) -> Pose:
+    def pose(self, seen: Seen, times: Tensor, valid: Tensor | None = None) -> RigPose:
         """The pose of frames that were seen."""
         features, centroids, yaw = seen
         for layer in self.layers:
@@ -106,7 +106,7 @@ class SkeletonNetwork(nn.Module):
         turns = roma.quat_product(yaw_quaternions(-yaw).unsqueeze(2).expand(*turns.shape), turns)
         return self._pose(pelvis, turns, raw)
 
-    def _pose(self, pelvis: Tensor, turns: Tensor, raw: Tensor) -> Pose:
+    def _pose(self, pelvis: Tensor, turns: Tensor, raw: Tensor) -> RigPose:
         """Bones that no point sees keep their rest in the parent's frame."""
         body, place = self.body, {bone: index for index, bone in enumerate(self.seen)}
         rest = body.rest_local.to(turns)
@@ -119,7 +119,7 @@ class SkeletonNetwork(nn.Module):
             else:
                 out.append(roma.quat_product(out[parent], rest[bone].expand(*turns.shape[:-2], 4)))
         rotations = torch.stack(out, dim=-2)
-        return Pose(pose_heads(body, pelvis, rotations), rotations, raw)
+        return RigPose(pose_heads(body, pelvis, rotations), rotations, raw)
 
 
 def group_moments(points: Tensor, groups: Tensor) -> Tensor:

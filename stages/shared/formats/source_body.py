@@ -36,7 +36,7 @@ _Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Rig:
+class SourceRig:
     """The joints of a source, in its own unit and axes. Tuples, so that results are cached for all files of one rig.
 
     names, parents: J joints, parents before children, -1 for joint 0.
@@ -59,7 +59,7 @@ class Rig:
 
 
 @dataclass(frozen=True)
-class Poses:
+class SourcePoses:
     """T poses of a rig, in its unit and axes.
 
     local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32. root: (T, 3) joint 0 in the world.
@@ -74,7 +74,7 @@ class Poses:
 
 
 @dataclass(frozen=True)
-class Body:
+class SourceBody:
     """The body found on a rig, in the source's unit and axes.
 
     offsets: (J, 3) heads in the parents' frames, joint 0 zeros; rest: (J, 3) joints at zero rotations.
@@ -97,7 +97,7 @@ class Body:
 
 
 @lru_cache(maxsize=64)
-def body_of(rig: Rig) -> Body:
+def body_of(rig: SourceRig) -> SourceBody:
     """The body of a rig. Raises InputError if it is not a humanoid, or a skeleton map does not match it."""
     given = choose_map(rig.maps, rig.names)
     parents = np.array(rig.parents, np.int32)
@@ -123,7 +123,7 @@ def body_of(rig: Rig) -> Body:
     for joint in range(1, len(parents)):
         rest[joint] = rest[parents[joint]] + offsets[joint]
     up_axis = (given and given.up_axis) or rig.up_axis
-    return Body(
+    return SourceBody(
         rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, unit_note, up_axis, given is not None
     )
 
@@ -138,8 +138,8 @@ def ancestors(parents: np.ndarray, joint: int) -> list[int]:
 
 
 def motion_of_poses(
-    body: Body,
-    poses: Poses,
+    body: SourceBody,
+    poses: SourcePoses,
     *,
     header: str = "",
     up_axis: str | None = None,
@@ -220,7 +220,7 @@ def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whol
 
 
 def _body_poses(
-    body: Body, poses: Poses, rotations_at: Callable[[np.ndarray], np.ndarray], rest_frame: int | None
+    body: SourceBody, poses: SourcePoses, rotations_at: Callable[[np.ndarray], np.ndarray], rest_frame: int | None
 ) -> BodyPoses:
     """Joints and bone ends in up to a few hundred frames, a fraction of a second apart, to find left and right."""
     frames = len(poses.local)
@@ -233,7 +233,7 @@ def _body_poses(
     return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.told), step / poses.fps)
 
 
-def _skeleton(header: str, body: Body, parts: BodyParts, up_axis: str) -> Skeleton:
+def _skeleton(header: str, body: SourceBody, parts: BodyParts, up_axis: str) -> Skeleton:
     tails = body.tails * body.unit_m
     visible = body.on_chain & (np.linalg.norm(tails, axis=1) > reference_pose.SHORTEST_BONE_M)
     return Skeleton(

@@ -19,7 +19,7 @@ LABELS = {
 }
 
 
-def figures_of(skeleton: Skeleton, truth: Motion, made: Motion) -> dict[str, float]:
+def measurements_of(skeleton: Skeleton, truth: Motion, made: Motion) -> dict[str, float]:
     """All figures of one clip; those that the clip cannot tell are left out."""
     joints = np.flatnonzero(skeleton.sampled)
     places, true_places = positions_of(skeleton, made), positions_of(skeleton, truth)

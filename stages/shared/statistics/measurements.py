@@ -78,7 +78,7 @@ class Truth:
         return self.positions[:, self.known, self.root].mean(axis=1)[:, None, None]
 
 
-Figures = dict[str, tuple[np.ndarray, np.ndarray]]
+Measurements = dict[str, tuple[np.ndarray, np.ndarray]]
 """Metric to (B,) values and (B,) weights by which windows are averaged."""
 
 
@@ -88,7 +88,7 @@ def measured_joints(skeleton: Skeleton) -> np.ndarray:
     return np.flatnonzero((skeleton.groups != NO_GROUP) & (length > LEAST_BONE_M))
 
 
-def measure(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: np.ndarray) -> Figures:
+def measure(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: np.ndarray) -> Measurements:
     """The project's own figures of B filled windows; shapes as `Truth`, `joints` those that count."""
     p, p_true = positions[:, :, joints], truth.positions[:, :, joints]
     q, q_true = rotations[:, :, joints], truth.rotations[:, :, joints]
@@ -120,7 +120,7 @@ def measure_lafan1(
     joints: np.ndarray,
     across: np.ndarray,
     deviation: np.ndarray,
-) -> Figures:
+) -> Measurements:
     """LaFAN1's own figures: missing frames alone, positions in training deviations (J, 3), windows facing one way.
 
     Args:
