@@ -19,7 +19,7 @@ from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.optimiser import Optimiser
 from stages.train.ae.config import Config as AutoencoderConfig
-from stages.train.ae.task import Autoencoder, AutoencoderTask, CloudBatch
+from stages.train.ae.task import AutoencoderNetworks, AutoencoderTask, CloudBatch
 from stages.train.lms.config import Config as SynthesiserConfig
 from stages.train.lms.encoding import WindowEncoder
 from stages.train.lms.fill_batch import FillBatch
@@ -93,7 +93,7 @@ class _AutoencoderOnRandomClouds(AutoencoderTask):
     def __init__(self, config: AutoencoderConfig, device: torch.device):
         self.config, self.device = config, device
         torch.manual_seed(0)
-        self.networks = Autoencoder(config).to(device)
+        self.networks = AutoencoderNetworks(config).to(device)
 
 
 class _SynthesiserOnRandomClouds(SynthesiserTask):
@@ -102,7 +102,7 @@ class _SynthesiserOnRandomClouds(SynthesiserTask):
     def __init__(self, config: SynthesiserConfig, ae: AutoencoderConfig, load: Load):
         self.config, self.device = config, load.device
         torch.manual_seed(0)
-        fresh = Autoencoder(ae)
+        fresh = AutoencoderNetworks(ae)
         frozen = models.Autoencoder(fresh.encoder, fresh.decoder, ae.window, ae.points, (), "", load.device)
         self.frozen = WindowEncoder(config, frozen, load.device)
         self.networks = LatentSynthesiser(fresh.encoder.latent_width, config.synthesiser).to(load.device)

@@ -12,6 +12,7 @@ import roma
 import torch
 from torch import Tensor
 
+from stages.shared.kinematics.rotations import turns_between
 from stages.shared.solve.skeleton_pose import SkeletonPose
 
 VELOCITY_S = 1 / 30  # over which the velocity on a key's known side is taken, against the noise of single frames
@@ -29,7 +30,7 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
     """
     if span_s <= 0:
         return pose
-    curves = [_turns(pose.local), pose.roots.diff(dim=0)]
+    curves = [turns_between(pose.local[:-1], pose.local[1:]), pose.roots.diff(dim=0)]
     if pose.moves:
         curves.append(pose.offsets.diff(dim=0))
     added = [torch.zeros(len(known), *steps.shape[1:], dtype=steps.dtype, device=steps.device) for steps in curves]
@@ -48,12 +49,6 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
     offsets = pose.offsets + added[2] if pose.moves else pose.offsets
     gaps = np.flatnonzero(~known)
     return pose.with_rows(gaps, pose.with_local(local, pose.roots + added[1], offsets).rows(gaps))
-
-
-def _turns(local: Tensor) -> Tensor:
-    """(T - 1, J, 3) rotation from frame to frame, in the joints' own axes."""
-    turns = roma.quat_product(roma.quat_conjugation(local[:-1]), local[1:])
-    return roma.unitquat_to_rotvec(torch.where(turns[..., 3:] < 0, -turns, turns))
 
 
 def _velocity(steps: Tensor, known: np.ndarray, key: int, side: int, most: int) -> Tensor:

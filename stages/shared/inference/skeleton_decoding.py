@@ -17,6 +17,7 @@ from data_schemas.skeleton import Motion
 from data_schemas.trainings import last_sentence
 from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
+from stages.shared.kinematics.rotations import aligned_signs
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.networks.layers.sizes import EncoderSizes, SkeletonSizes
 from stages.shared.networks.pcmrl.skeleton_network import Seen, SkeletonNetwork
@@ -67,7 +68,7 @@ class RigNetwork:
                 length = part.yaw.shape[1]  # all windows of a clip are equally long
                 pose = self.network.pose(part, times[:, :length])
                 for row, (start, stop, fade) in enumerate(some):
-                    turned = _on_the_side_of(pose.rotations[row].cpu(), turns[start:stop])
+                    turned = aligned_signs(pose.rotations[row].cpu(), turns[start:stop])
                     pelvis[start:stop] += fade[:, None] * pose.heads[row, :, 0].cpu()
                     turns[start:stop] += fade[:, None, None] * turned
                     weights[start:stop] += fade
@@ -82,11 +83,6 @@ class RigNetwork:
             chunk = chunk.to(self.device, torch.float32).unsqueeze(0)
             parts.append(self.network.see(chunk, groups, turn.to(self.device).unsqueeze(0)))
         return Seen(*(torch.cat([part[0] for part in column]) for column in zip(*parts, strict=True)))
-
-
-def _on_the_side_of(rotations: Tensor, guide: Tensor) -> Tensor:
-    """Quaternions with the sign that agrees with the guide's."""
-    return torch.where((rotations * guide).sum(-1, keepdim=True) < 0, -rotations, rotations)
 
 
 def decode_cloud(

@@ -22,6 +22,7 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.forward import global_rotations, local_rotations
 from stages.shared.kinematics.plain_interpolation import damped_smoothness, interpolate_values
+from stages.shared.kinematics.rotations import turns_between
 from stages.shared.solve.binding import Binding, bind_points
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.scaling import fit_cloud
@@ -162,17 +163,17 @@ def _finished(
         shifts = _smooth(pelvis + shifts) - pelvis
     # What is left at the keys is taken off, and off the gaps between them along a curve without kinks.
     left = torch.zeros_like(found.turns[keys])
-    left[:, seen] = _rotvec(roma.quat_product(roma.quat_conjugation(plain[keys]), solved[keys]))[:, seen]
+    left[:, seen] = turns_between(plain[keys], solved[keys])[:, seen]
     turns = interpolate_values(left, times[keys], times, smooth=1.0)
     shifts = shifts - interpolate_values(shifts[keys], times[keys], times, smooth=1.0)
     local = local_rotations(roma.quat_product(solved, roma.rotvec_to_unitquat(-turns)), parents)
-    own = _rotvec(roma.quat_product(roma.quat_conjugation(base.local), local))
+    own = turns_between(base.local, local)
     return own * seen.unsqueeze(-1), shifts
 
 
 def _smooth_rotations(rotations: Tensor) -> Tensor:
     """Rotations (T, S, 4) smoothed along the path that their steps make in their own axes."""
-    steps = _rotvec(roma.quat_product(roma.quat_conjugation(rotations[:-1]), rotations[1:]))
+    steps = turns_between(rotations[:-1], rotations[1:])
     path = torch.cat([torch.zeros_like(steps[:1]), steps.cumsum(0)])
     return roma.quat_product(rotations, roma.rotvec_to_unitquat(_smooth(path) - path))
 
@@ -180,7 +181,3 @@ def _smooth_rotations(rotations: Tensor) -> Tensor:
 def _smooth(curves: Tensor) -> Tensor:
     flat = smooth_as_needed(curves.flatten(1).double().cpu().numpy())
     return torch.as_tensor(flat, dtype=curves.dtype, device=curves.device).view_as(curves)
-
-
-def _rotvec(rotations: Tensor) -> Tensor:
-    return roma.unitquat_to_rotvec(torch.where(rotations[..., 3:] < 0, -rotations, rotations))

@@ -6,9 +6,10 @@ stay. Both show in the spread of a joint's rotations over the keys, and become t
 
 from __future__ import annotations
 
-import roma
 import torch
 from torch import Tensor
+
+from stages.shared.kinematics.rotations import aligned_signs, turns_between
 
 OPEN_KEYS = 1.0  # that nothing is known counts as so many keys, beside the first
 
@@ -25,10 +26,9 @@ def turn_prior(local: Tensor, open_rad: float, widening: float = 4.0) -> Tensor:
     """
     keys = len(local)
     open_cov = open_rad**2 * torch.eye(3, device=local.device)
-    signs = torch.where((local * local[:1]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
-    mean = torch.nn.functional.normalize((local * signs).mean(0), dim=-1)
-    away = roma.quat_product(roma.quat_conjugation(mean).expand_as(local), local * signs)
-    away = roma.unitquat_to_rotvec(torch.where(away[..., 3:] < 0, -away, away))
+    local = aligned_signs(local, local[:1])
+    mean = torch.nn.functional.normalize(local.mean(0), dim=-1)
+    away = turns_between(mean.expand_as(local), local)
     spread = torch.einsum("kji,kjl->jil", away, away) / max(keys - 1, 1)
     expected = ((keys - 1) * widening * spread + OPEN_KEYS * open_cov) / (keys - 1 + OPEN_KEYS)
     values, axes = torch.linalg.eigh(expected)

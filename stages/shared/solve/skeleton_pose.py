@@ -16,6 +16,7 @@ from torch import Tensor
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
 from stages.shared.kinematics.plain_interpolation import Glide, Smoothness, interpolate_pose
+from stages.shared.kinematics.rotations import signs_after_given
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +154,7 @@ class SkeletonPose:
             offsets[at[:, None], self._tracked] = others.offsets[:, self._tracked]
         given = np.ones(len(self), bool)
         given[rows] = False
-        rotations = rotations * _agreeing_signs(rotations, given).to(rotations)
+        rotations = torch.from_numpy(signs_after_given(rotations.cpu().numpy(), given)).to(rotations)
         return replace(self, held=rotations, is_global=True, roots=roots, offsets=offsets)
 
 
@@ -165,14 +166,3 @@ def pose_of_motion(skeleton: Skeleton, motion: Motion, device: torch.device | st
 def replace_rows(skeleton: Skeleton, motion: Motion, pose: SkeletonPose, rows: np.ndarray) -> Motion:
     """A motion of as many frames: `rows` come from `pose`, the others are the motion's own, value for value."""
     return SkeletonPose.of_motion(skeleton, motion).with_rows(rows, pose).motion(motion.fps)
-
-
-def _agreeing_signs(rotations: Tensor, given: np.ndarray) -> Tensor:
-    """(T, J, 1) signs by which filled rows agree with the row before each; given rows (T,) True keep their signs."""
-    values = rotations.cpu().numpy()
-    disagree = (values[1:] * values[:-1]).sum(-1) < 0
-    signs = np.ones((*rotations.shape[:-1], 1), np.float32)
-    for row in range(1, len(rotations)):
-        if not given[row]:
-            signs[row] = np.where(disagree[row - 1][:, None], -signs[row - 1], signs[row - 1])
-    return torch.from_numpy(signs)

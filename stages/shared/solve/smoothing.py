@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import roma
-import torch
 from scipy.fft import dct, idct
 from scipy.linalg import solveh_banded
 from torch import Tensor
+
+from stages.shared.kinematics.rotations import turns_between
 
 PINNED = 1e9  # weight of a value that must not move, against 1 for the others
 SPANS = (0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
@@ -65,9 +65,8 @@ def smooth_corrections(
 
 def bends_of_rotations(rotations: Tensor, times: np.ndarray) -> np.ndarray:
     """Angular acceleration (N, J, 3) of rotations (N, J, 4) in their own axes; zeros at both ends."""
-    turns = roma.quat_product(roma.quat_conjugation(rotations[:-1]), rotations[1:])
-    turns = torch.where(turns[..., 3:] < 0, -turns, turns)
-    return _rates_to_bends(roma.unitquat_to_rotvec(turns).double().numpy(force=True), times)
+    turns = turns_between(rotations[:-1], rotations[1:])
+    return _rates_to_bends(turns.double().numpy(force=True), times)
 
 
 def bends_of_positions(positions: np.ndarray, times: np.ndarray) -> np.ndarray:

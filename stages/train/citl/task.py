@@ -12,6 +12,7 @@ from torch import Tensor
 from data_schemas.errors import InputError
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.rest_pose import moved_rest_pose, realign
+from stages.shared.kinematics.rotations import aligned_signs
 from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
@@ -146,10 +147,9 @@ def errors_of(found: PoseWindows, batch: PoseBatch) -> dict[str, Tensor]:
     """Mean over missing frames of the 2-norms of the errors of positions (metres) and of rotations, scalars."""
     missing = batch.valid & ~batch.known
     true = batch.truth.rotations
-    signs = torch.where((found.rotations * true).sum(-1, keepdim=True) < 0, -1.0, 1.0)
     squares = {
         "l2p": (found.heads - batch.truth.heads).square().sum((-2, -1)),
-        "l2q": (signs * found.rotations - true).square().sum((-2, -1)),
+        "l2q": (aligned_signs(found.rotations, true) - true).square().sum((-2, -1)),
     }
     roots = {name: (square + _LEAST).sqrt() - _LEAST**0.5 for name, square in squares.items()}
     return {name: (root * missing).sum() / missing.sum().clamp_min(1) for name, root in roots.items()}

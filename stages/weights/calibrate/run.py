@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import numpy as np
-import roma
 import torch
 
 from data_schemas.clips import ClipRow
@@ -28,6 +27,7 @@ from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample
 from stages.shared.outputs import check_written
+from stages.shared.kinematics.rotations import turns_between
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solving import Corrections
@@ -119,7 +119,7 @@ def _change(scene: Scene, pose: SkeletonPose) -> np.ndarray:
     skeleton, base = scene.skeleton, scene.base
     body = torch.as_tensor(skeleton.groups >= 0, device=scene.device)
     places = pose.heads[:, body] - base.heads[:, body]
-    turns = roma.unitquat_to_rotvec(roma.quat_product(roma.quat_conjugation(base.local), pose.local))[:, body]
+    turns = turns_between(base.local, pose.local)[:, body]
     return torch.cat([places.flatten(1), ANGLE_M * turns.flatten(1)], -1).cpu().numpy()
 
 
