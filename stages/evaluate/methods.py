@@ -23,7 +23,7 @@ from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights, named_source
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
-from stages.shared.statistics.figures import RECONSTRUCTED, TRUE_CLOUD, TRUTH
+from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRUTH
 from stages.shared.statistics.method_notes import MeasuredWeights
 from stages.shared.statistics.tasks import PREDICTION
 from stages.shared.statistics.windows import Task, Window

@@ -11,7 +11,7 @@ from data_schemas.damaged_files import reading
 from data_schemas.manifest import MANIFEST_NAME, Artefact
 from data_schemas.metrics import MetricRow, read_metrics
 from stages.shared.statistics import feel_tables, tables
-from stages.shared.statistics.figures import TRUTH
+from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.method_notes import MethodFacts, Sentence, borrowed_note, method_notes
 from stages.shared.statistics.table import Entry, Table
 from stages.shared.statistics.tables import Cell, Key

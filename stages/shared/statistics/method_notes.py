@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pydantic import BaseModel, ConfigDict
 
 from data_schemas.trainings import TrainingData
-from stages.shared.statistics.figures import RECONSTRUCTED, TRUE_CLOUD
+from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD
 
 
 class MeasuredWeights(BaseModel):
