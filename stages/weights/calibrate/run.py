@@ -26,8 +26,8 @@ from stages.shared.inference.models import Models, load_weights
 from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample
-from stages.shared.outputs import check_written
 from stages.shared.kinematics.rotations import turns_between
+from stages.shared.outputs import check_written
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solving import Corrections
