@@ -172,7 +172,7 @@ def four_seconds(shown: Shown, archives: Path) -> tuple[Skeleton, Motion]:
         data = source.read()
         chosen = recognise(data, source.name)
         if chosen is None:
-            raise InputError(f"{source.name} is no recording that pumps knows.")
+            raise InputError(f"{source.name} is not a recording that pumps knows.")
         recording = read_recordings(data, source, chosen, Asked(fps_override=shown.fps))[0]
         skeleton, motion = recording.skeleton, recording.motion
     motion = cut(resample(motion, MODEL_FPS))

@@ -120,7 +120,7 @@ def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = 
     with reading(folder / CONFIG_NAME):
         config = json.loads((folder / CONFIG_NAME).read_text(encoding="utf-8"))
         if not isinstance(config, dict):
-            raise ValueError("it is no mapping")
+            raise ValueError("it is not a mapping")
         trainings = tuple(Training.model_validate(each) for each in config.pop(TRAININGS, []))
     with reading(folder / LOG_NAME):
         log = [
@@ -189,5 +189,5 @@ def _load_file(path: Path) -> dict[str, np.ndarray]:
             return load_file(path)
         except SafetensorError as error:
             raise InputError(
-                f"{path} is damaged: it is no safetensors file ({error}).", "Run the stage that made it again."
+                f"{path} is damaged: it is not a safetensors file ({error}).", "Run the stage that made it again."
             ) from None

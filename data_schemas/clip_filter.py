@@ -65,7 +65,7 @@ class _Condition:
             self.condition = self._of(tree.body)
         except (SyntaxError, ValueError, RecursionError, MemoryError, TypeError, AttributeError, pa.ArrowException):
             # The last three: an operation that its operands do not have, such as -'text' or 1 in [2].
-            raise self._fault("it is no comparison") from None
+            raise self._fault("it is not a comparison") from None
         if not self.names_a_column or isinstance(self.condition, bool | int | float | str):
             raise self._fault("it uses no column")
 

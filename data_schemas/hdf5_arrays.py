@@ -64,7 +64,7 @@ def read_text(group: h5py.Group, name: str) -> str:
     """Read a text that `write_text` stored. Raises ValueError for other data."""
     stored = _dataset_in(group, name)
     if stored.dtype != np.uint8 or stored.ndim != 1 or stored.shape[0] > _TEXT_LIMIT_BYTES:
-        raise ValueError(f"{group.name}/{name} is no text")
+        raise ValueError(f"{group.name}/{name} is not text")
     return np.asarray(stored[()]).tobytes().decode("utf-8", "surrogatepass")
 
 
@@ -78,14 +78,14 @@ def group_in(parent: h5py.Group, name: str) -> h5py.Group:
     """The group `name` in `parent` itself. Raises ValueError if there is none."""
     item = _member(parent, name)
     if not isinstance(item, h5py.Group):
-        raise ValueError(f"{parent.name}/{name} is no group")
+        raise ValueError(f"{parent.name}/{name} is not a group")
     return item
 
 
 def _dataset_in(parent: h5py.Group, name: str) -> h5py.Dataset:
     item = _member(parent, name)
     if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
-        raise ValueError(f"{parent.name}/{name} is no array within this file")
+        raise ValueError(f"{parent.name}/{name} is not an array within this file")
     return item
 
 

@@ -93,7 +93,7 @@ class Manifest(BaseModel):
     def _files_stay_inside(cls, value: dict[str, str]) -> dict[str, str]:
         for name, sha256 in value.items():
             if not is_inner_name(name):
-                raise ValueError(f"names {name!r}, which is no plain path inside the artefact")
+                raise ValueError(f"names {name!r}, which is not a plain path inside the artefact")
             if not _SHA256.fullmatch(sha256):
                 raise ValueError(f"gives no sha256 for {name!r}")
         return value
@@ -190,7 +190,7 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
     found, version = raw.get("kind"), raw.get("schema_version")
     if not isinstance(found, str) or not isinstance(version, int) or isinstance(version, bool):
         raise InputError(
-            f"{folder / MANIFEST_NAME} is no manifest of a pumps artefact: it lacks kind and schema_version.",
+            f"{folder / MANIFEST_NAME} is not a manifest of a pumps artefact: it lacks kind and schema_version.",
             "Give the folder that a pumps stage wrote.",
         )
     if kind is not None and found != kind:
@@ -222,7 +222,7 @@ def _read_json(folder: Path) -> dict[str, Any]:
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode) or status.st_size > MANIFEST_LIMIT_BYTES:
-            raise InputError(f"{path} is no plain file, or too large for a manifest.")
+            raise InputError(f"{path} is not a plain file, or too large for a manifest.")
         raw = json.loads(path.read_bytes())
     except FileNotFoundError:
         if not folder.exists():
@@ -237,9 +237,11 @@ def _read_json(folder: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from None
     except (ValueError, RecursionError):
-        raise InputError(f"{path} is damaged: it is no JSON.", "Run the stage that made it again.") from None
+        raise InputError(f"{path} is damaged: it is not JSON.", "Run the stage that made it again.") from None
     if not isinstance(raw, dict):
-        raise InputError(f"{path} is no manifest of a pumps artefact.", "Give the folder that a pumps stage wrote.")
+        raise InputError(
+            f"{path} is not a manifest of a pumps artefact.", "Give the folder that a pumps stage wrote."
+        )
     return raw
 
 

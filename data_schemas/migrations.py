@@ -114,7 +114,7 @@ def _metrics_1_to_2(source: Path, target: Path) -> None:
 
 def _checkpoint_1_to_2(source: Path, target: Path) -> None:
     """Version 2 lists the data of every training as fields (`data_schemas.trainings`); before, each training and the
-    whole had a sentence about them, `trained_on`. Weights that told of no training had one, the one of their log."""
+    whole had a sentence about them, `trained_on`. Weights with no training listed had one, the one of their log."""
     for path in source.iterdir():
         if path.name != "config.json":
             carry_over(source, target, path.name)
@@ -154,7 +154,7 @@ def _data_of_sentence_1(sentence: str) -> dict[str, Any] | None:
         "seconds": round(3600 * sum(float(hours) for _, hours, *_ in found), 3),
         "skeletons": sum(int(skeletons) for _, _, skeletons, _ in found),
         "archives": [
-            {"name": "" if name == _LOOSE_1 else name, "loose": name == _LOOSE_1}  # the folder was not told
+            {"name": "" if name == _LOOSE_1 else name, "loose": name == _LOOSE_1}  # the folder was not recorded
             for name in names
         ],
     }

@@ -235,7 +235,7 @@ def _fault_of_motion(motion: Motion, joints: int) -> str | None:
         if not np.isfinite(values).all():
             return f"has values in {name} that are not finite"
     if not are_unit(motion.rotations):
-        return "has rotations that are no unit quaternions"
+        return "has rotations that are not unit quaternions"
     if tracked and not ((motion.track_joints > 0) & (motion.track_joints < joints)).all():
         return f"has a track on a joint outside 1 to {joints - 1}"
     if not (np.isfinite(motion.fps) and motion.fps > 0):

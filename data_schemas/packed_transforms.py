@@ -129,7 +129,7 @@ def _read(group: h5py.Group, name: str, kind: Any, window: slice, shape: tuple[i
     """The window of (T, C) integers that `_write` stored; whole chunks are read and summed."""
     stored = group.get(name)
     if not isinstance(stored, h5py.Dataset) or stored.external or stored.is_virtual:
-        raise ValueError(f"{group.name}/{name} is no array within this file")
+        raise ValueError(f"{group.name}/{name} is not an array within this file")
     if stored.shape != shape or stored.dtype != kind:
         raise ValueError(f"{group.name}/{name} is {stored.dtype} of the shape {stored.shape}, expected {shape}")
     first = window.start // CHUNK_FRAMES * CHUNK_FRAMES

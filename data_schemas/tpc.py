@@ -124,7 +124,7 @@ class TpcWriter(ClipWriter):
         _check_frames(row, "heads", heads, (row.frames, count, 3))
         _check_frames(row, "rotations", rotations, (row.frames, count, 4))
         if not are_unit(rotations):
-            raise InputError(f"The clip {row.clip!r} has rotations that are no unit quaternions.")
+            raise InputError(f"The clip {row.clip!r} has rotations that are not unit quaternions.")
         group = self._new_clip(row, heads.shape[0])
         if self._packed:
             write_packed(group, heads, rotations, self._parents[row.skeleton])
@@ -195,7 +195,7 @@ class TpcReader(ClipReader):
             heads = read_frames(group, "heads", window, (count, 3), row.frames)
             rotations = read_frames(group, "rotations", window, (count, 4), row.frames)
             if not are_unit(rotations):
-                raise ValueError(f"the rotations of {clip!r} are no unit quaternions")
+                raise ValueError(f"the rotations of {clip!r} are not unit quaternions")
             return heads.astype(np.float32, copy=False), rotations.astype(np.float32, copy=False)
 
     def points(

@@ -111,7 +111,7 @@ def retarget(motion: Motion, to: Motion, *, points: int = 256, seed: int = 0, de
 
 @lru_cache(maxsize=2)
 def _models(weights: str, device: str, digests: tuple[str, ...]) -> Any:
-    """The models of some weights; `digests` are of what lies there, so that weights trained anew are loaded anew."""
+    """The models of the weights of that name, loaded again where `digests`, those of their files, have changed."""
     from stages.shared.inference.models import load_weights
 
     return load_weights(weights, device)

@@ -166,14 +166,14 @@ def _lines(name: str, text: str, left: int, room: int) -> Iterator[Any]:
     """One row: the name and beside it, or below it where the name is long, the text."""
     from rich.text import Text
 
-    told = textwrap.wrap(text, room - left - _GAP, break_on_hyphens=False) or [""]
+    wrapped = textwrap.wrap(text, room - left - _GAP, break_on_hyphens=False) or [""]
     beside = name.ljust(left + _GAP) if len(name) <= left else name
     first = Text(beside)
     first.highlight_regex(r"(?<![\w.])--?[\w\[\].-]+|^[a-z][\w-]*", "bold cyan")
     if len(name) <= left:
-        first.append(told.pop(0))
+        first.append(wrapped.pop(0))
     yield first
-    for line in told:
+    for line in wrapped:
         yield Text(" " * (left + _GAP) + line)
 
 

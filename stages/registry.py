@@ -30,7 +30,7 @@ class Stage:
                compare; {clip} stands for each of the run's clips in turn. "LABEL=" may come before a place.
     target:    in a run, the file in its folder that is there when the stage is done.
     writes_file: whether its output is that file instead of the folder.
-    pipeline:  False for a tool that is no node of a run.
+    pipeline:  False for a tool that is not a node of a run.
     form_of:   for a further command of a stage, the stage's name: the two share their settings.
     fixed:     settings that this command fixes, which have no flags.
     without:   settings that have no meaning for this command, and have no flags.

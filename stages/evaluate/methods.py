@@ -45,7 +45,7 @@ class Made(NamedTuple):
 class Method:
     """A row of the tables.
 
-    fill: called with a batch and `told`, which it calls after every window.
+    fill: called with a batch and `advance`, which it calls after every window.
     """
 
     name: str
@@ -130,10 +130,10 @@ def window_seed(seed: int, window: Window) -> int:
 
 
 def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
-    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Made:
+    def fill(batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Made:
         filled = function(poses, batch.known)
         for _ in batch.windows:
-            told()
+            advance()
         return Made(*filled)
 
     return fill
@@ -148,7 +148,7 @@ def _cloud_fill(source_of: Callable[[Motion], CloudSource], config: Config, opti
     """Fill from the clouds that a source finds; `source_of` is called with each window's true motion."""
     device = choose_device(config.device)
 
-    def fill(batch: WindowBatch, poses: Poses, told: Callable[[], None]) -> Made:
+    def fill(batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Made:
         motions, fell_back = [], []
         for window, motion in zip(batch.windows, batch.motions, strict=True):
             filled = fill_motion(
@@ -163,7 +163,7 @@ def _cloud_fill(source_of: Callable[[Motion], CloudSource], config: Config, opti
             )
             motions.append(filled.motion)
             fell_back.append(filled.plain)
-            told()
+            advance()
         result = Poses.of(batch.skeleton, motions)
         return Made(result.positions.numpy(), result.rotations.numpy(), np.stack(fell_back))
 

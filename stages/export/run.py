@@ -47,10 +47,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.advance(1, clip.name)
     if not written:
         raise InputError(f"{config.input} holds no clip.")
-    told = str(written[0]) if len(written) == 1 else f"{len(written)} files into {config.output}"
+    where = str(written[0]) if len(written) == 1 else f"{len(written)} files into {config.output}"
     return StageReport(
         output=config.output,
-        lines=[f"wrote {told}", *dict.fromkeys(notes)],
+        lines=[f"wrote {where}", *dict.fromkeys(notes)],
         figures={"format": kind, "files": [str(path) for path in written], "notes": notes},
     )
 

@@ -1,4 +1,4 @@
-"""What is asked of `infill`: which frames the output has, which of them are keys, which come back word for word."""
+"""The request of `infill`: which frames the output has, which of them are keys, which are kept as their text."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def request_of(config: Config, rows: int, fps: float) -> Request:
         raise UsageError("Nothing says which frames are keys.", "Give --keyframes, such as every:15 or 0,15,40.")
     added = 0 if config.predict is None else config.predict
     if config.predict is not None and not 1 <= added <= MOST_FRAMES:
-        raise UsageError(f"--predict {added} is no number of frames to append.", "Give 1 or more.")
+        raise UsageError(f"--predict {added} is not a number of frames to append.", "Give 1 or more.")
     if given and given[0] in ("times", "frames"):
         return _sparse(config, rows, fps, added)
     if config.keyframes is not None:
@@ -105,7 +105,7 @@ def _numbers(text: str, option: str) -> np.ndarray:
     try:
         values = [float(int(part)) if option == "--frames" else float(part) for part in parts]
     except ValueError:
-        raise UsageError(f"{option} {text!r} is no list of numbers.", "Write for instance 0,15,40.") from None
+        raise UsageError(f"{option} {text!r} is not a list of numbers.", "Write for instance 0,15,40.") from None
     if not values or not np.isfinite(values).all() or max(map(abs, values)) > MOST_FRAMES:
-        raise UsageError(f"{option} {text!r} is no list of numbers.", "Write for instance 0,15,40.")
+        raise UsageError(f"{option} {text!r} is not a list of numbers.", "Write for instance 0,15,40.")
     return np.array(values)

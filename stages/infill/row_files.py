@@ -43,7 +43,7 @@ class RowFile(Protocol):
     def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
         """The skeleton, the motion of the rows (K,) of keyframes alone, and notes on them.
 
-        Raises: InputError where such a row is no pose.
+        Raises: InputError where such a row is not a pose.
         """
         ...
 
@@ -127,7 +127,9 @@ class _RobotRows:
         self.frames = self.table.frames
         self.fps = config.fps_override or USUAL_FPS
         self.limited = config.respect_limits
-        self._notes = [] if config.fps_override else [f"{name} tells no frame rate; taken as {USUAL_FPS:g} a second."]
+        self._notes = (
+            [] if config.fps_override else [f"{name} states no frame rate; taken as {USUAL_FPS:g} a second."]
+        )
         self._skeleton: Skeleton | None = None
 
     def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:

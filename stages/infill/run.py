@@ -82,7 +82,7 @@ def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
     Raises: UsageError for options that contradict each other; InputError for bad rows or frames.
     """
     if config.fps_override is not None and not 0 < config.fps_override < 1e6:
-        raise UsageError(f"--fps-override {config.fps_override} is no frame rate.", "Give frames a second.")
+        raise UsageError(f"--fps-override {config.fps_override} is not a frame rate.", "Give frames a second.")
     request = request_of(config, file.frames, file.fps)
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
     skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)

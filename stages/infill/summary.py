@@ -1,4 +1,4 @@
-"""What a person is told of a fill: warnings, what fell back to plain interpolation, how smooth the keys are."""
+"""What a fill reports to its user: warnings, what fell back to plain interpolation, how smooth the keys are."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ def warnings_of(skeleton: Skeleton, filled: Filled, longest_trained_gap: int) ->
     Args:
         longest_trained_gap: in model frames (30 a second).
     """
-    told = []
+    lines = []
     trained_s = longest_trained_gap / MODEL_FPS
     if filled.longest_gap_s > trained_s + 1e-6:
-        told.append(
+        lines.append(
             f"The longest gap is {filled.longest_gap_s:.2f} s, but these weights were trained on gaps of up to "
             f"{trained_s:.2f} s: expect less of it, or add a keyframe."
         )
     missing = [name for g, name in enumerate(BODY_GROUPS) if not (skeleton.sampled & (skeleton.groups == g)).any()]
     if missing:
-        told.append(f"The rig has no bone that was found to be {' or '.join(missing).replace('_', ' ')}.")
+        lines.append(f"The rig has no bone that was found to be {' or '.join(missing).replace('_', ' ')}.")
     if filled.wander_m > STRANGE_RIG_M:
-        told.append(
+        lines.append(
             f"The rig is strange to these weights: their points stray {filled.wander_m * 1000:.0f} mm on its bones."
         )
-    return told
+    return lines
 
 
 def fallbacks_of(skeleton: Skeleton, plain: np.ndarray, first: int, missing: np.ndarray) -> list[dict[str, Any]]:
@@ -64,8 +64,8 @@ def fallbacks_of(skeleton: Skeleton, plain: np.ndarray, first: int, missing: np.
         bones = plain[run[0]] & ~never
         if bones.any():
             span = (int(run[0]) + first, int(run[-1]) + first)
-            told = [EVERY_BONE] if plain[run[0]].all() else names[bones].tolist()
-            rows.append({"frames": span, "bones": told, "why": UNSURE})
+            listed = [EVERY_BONE] if plain[run[0]].all() else names[bones].tolist()
+            rows.append({"frames": span, "bones": listed, "why": UNSURE})
     return rows
 
 

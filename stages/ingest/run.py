@@ -86,7 +86,7 @@ def _asked(config: Config) -> Asked:
     rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
     if config.body_models is not None and not config.body_models.is_dir():
         raise UsageError(
-            f"--body-models {config.body_models} is no folder.", "It must hold smplh/male/model.npz and so on."
+            f"--body-models {config.body_models} is not a folder.", "It must hold smplh/male/model.npz and so on."
         )
     return Asked(
         None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
@@ -183,7 +183,7 @@ def _parse_overrides(texts: Sequence[str]) -> list[tuple[str, float]]:
         except ValueError:
             fps = 0.0
         if not pattern or not 0 < fps <= 10_000:
-            raise UsageError(f"--fps-override '{text}' is no PATTERN=RATE.", "For example '*salsa*=60'.")
+            raise UsageError(f"--fps-override '{text}' is not PATTERN=RATE.", "For example '*salsa*=60'.")
         overrides.append((pattern, fps))
     return overrides
 

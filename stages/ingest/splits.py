@@ -84,10 +84,10 @@ def _read_splits(path: Path) -> dict[str, dict[str, Any]]:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.", "Check --splits.") from None
     except (ValueError, RecursionError):
-        raise InputError(f"{path} is no JSON.", "Check --splits.") from None
+        raise InputError(f"{path} is not JSON.", "Check --splits.") from None
     hint = 'It must hold {"archive.zip": {"test": [...], "val": [...]}}.'
     if not isinstance(raw, dict):
-        raise InputError(f"{path} is no splits file.", hint)
+        raise InputError(f"{path} is not a splits file.", hint)
     for data_set, named in raw.items():
         lists = [named.get(split, []) for split in ("test", "val")] if isinstance(named, dict) else [None]
         if not all(isinstance(names, list) and all(isinstance(name, str) for name in names) for names in lists):

@@ -112,15 +112,15 @@ def _listed(sources: list[Source], asked: Asked, progress: Progress) -> StageRep
         try:
             figures = [each.figures for each in _described(_read(source, asked))]
             found = [problem for each in figures for problem in each["problems"]]
-            told = f"{figures[0]['joints']} joints, " + " and ".join(
+            described = f"{figures[0]['joints']} joints, " + " and ".join(
                 f"{each['frames']} frames at {each['fps']:g} fps" for each in figures[:3]
             )
         except InputError as error:
-            found, told = [error.message], "unreadable"
+            found, described = [error.message], "unreadable"
         problems += bool(found)
         if found:
             report.tints[len(report.lines)] = "problem"
-        report.lines.append(f"{source.member}: {told}" + (f"; {' '.join(found)}" if found else ""))
+        report.lines.append(f"{source.member}: {described}" + (f"; {' '.join(found)}" if found else ""))
         progress.advance(1, source.member)
     report.lines.append(f"{len(sources)} files, {problems} of them with problems or notes.")
     report.figures.update({"files": len(sources), "with_problems": problems})

@@ -18,7 +18,7 @@ from stages.shared.statistics.tables import Cell, Key
 
 
 def results_html(artefact: Artefact) -> str:
-    """The section: what was measured, the overview, and for each archive its tables, folded but for the last.
+    """The section: what was measured, the overview, and for each archive its tables, folded except for the last.
 
     Raises: InputError where the artefact is damaged.
     """

@@ -84,8 +84,8 @@ def _training(artefact: Artefact) -> str:
     name = html.escape(artefact.path.name)
     steps = max((int(row.get("step", 0)) for row in log), default=0)
     minutes = max((float(row.get("seconds", 0)) for row in log), default=0.0) / 60
-    told = f"{steps:,} steps, {minutes:.1f} minutes. Thin: training; thick: validation."
-    return f"<section><h2>Training: {name}</h2><p>{told}</p>{curves_html(log)}</section>"
+    caption = f"{steps:,} steps, {minutes:.1f} minutes. Thin: training; thick: validation."
+    return f"<section><h2>Training: {name}</h2><p>{caption}</p>{curves_html(log)}</section>"
 
 
 def _played(config: Config) -> list[Artefact]:
@@ -94,7 +94,7 @@ def _played(config: Config) -> list[Artefact]:
     return [open_artefact(path, "motion") for path in paths if path.is_dir()]
 
 
-def _origin(artefacts: list[Artefact], played: list[Artefact], told: tuple[str, ...]) -> str:
+def _origin(artefacts: list[Artefact], played: list[Artefact], licences_given: tuple[str, ...]) -> str:
     licences = {licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences}
     rows = []
     for artefact in artefacts:
@@ -107,7 +107,10 @@ def _origin(artefacts: list[Artefact], played: list[Artefact], told: tuple[str, 
     if played:
         stages = ", ".join(sorted({artefact.manifest.stage for artefact in played}))
         rows.append(f"<dt>Motions</dt><dd>{len(played)} motion artefacts, written by {html.escape(stages)}</dd>")
-    rows += [f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>" for licence in sorted(licences | {*told})]
+    rows += [
+        f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>"
+        for licence in sorted(licences | {*licences_given})
+    ]
     return f"<dl>{''.join(rows)}</dl>" if rows else "<p>Only motions were given.</p>"
 
 

@@ -158,7 +158,7 @@ def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: s
 
 
 def slerped(skeleton: Skeleton, motion: Motion, keys: np.ndarray) -> Motion:
-    """The motion with every frame that is no key replaced by slerp between its keys. keys: (K,) rising."""
+    """The motion with every frame that is not a key replaced by slerp between its keys. keys: (K,) rising."""
     local = local_rotations(torch.as_tensor(motion.rotations), skeleton.parents)[keys]
     roots = torch.as_tensor(motion.root_positions)[keys]
     offsets = offsets_over_time(skeleton, motion)
@@ -225,7 +225,7 @@ def _packed(played: Played, drawing: _Drawing, origin: np.ndarray) -> dict:
 
 
 def _last_joints(skeleton: Skeleton, body: np.ndarray, head: int | None) -> list[int]:
-    """Joints whose bone's tip is no other joint; the head's is drawn though eyes hang on it."""
+    """Joints whose bone's tip is not another joint; the head's is drawn though eyes hang on it."""
     carrying = set(skeleton.parents.tolist()) - {head}
     lengths = np.linalg.norm(skeleton.tails, axis=1)
     return [int(joint) for joint in body if int(joint) not in carrying and lengths[joint] > LEAST_BONE_M]
@@ -233,7 +233,7 @@ def _last_joints(skeleton: Skeleton, body: np.ndarray, head: int | None) -> list
 
 def _look(skeleton: Skeleton, joint: int, *, ball: bool = False) -> list[int]:
     """Body group, 1 for a thin bone (a finger), 1 for the bone that carries the head's ball."""
-    # An unsampled joint that carries the body on, such as a zero-length hip, is no finger.
+    # An unsampled joint that carries the body on, such as a zero-length hip, is not a finger.
     sampled = skeleton.sampled[joint] or any(skeleton.sampled[child] for child in _below(skeleton, joint))
     return [int(skeleton.groups[joint]), int(not sampled), int(ball)]
 

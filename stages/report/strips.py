@@ -59,8 +59,8 @@ def _scene(scene: dict, top: int) -> list[str]:
     detail = scene["detail"]
     parts = [f'<text x="8" y="{top + 40}" font-weight="600">{escape(scene["title"])}</text>']
     parts += [f'<text x="8" y="{top + 56}" fill="#666666">{escape(detail)}</text>'] if detail else []
-    told = f"frames {first} to {last} at {truth['fps']:.0f} a second"
-    parts.append(f'<text x="8" y="{top + 72}" fill="#666666" font-size="10">{told}</text>')
+    caption = f"frames {first} to {last} at {truth['fps']:.0f} a second"
+    parts.append(f'<text x="8" y="{top + 72}" fill="#666666" font-size="10">{caption}</text>')
     for column, motion in enumerate(others):
         left = LABEL + column * (POSES * CELL + GAP)
         made, colour = _points(motion), COLOURS[column % len(COLOURS)]

@@ -39,7 +39,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Retarget a recording.
 
     Raises: UsageError for an output that exists or has a suffix that cannot be written; InputError for files that
-    are no humanoids, and for a rig with neither a rest pose nor a frame of motion.
+    are not humanoids, and for a rig with neither a rest pose nor a frame of motion.
     """
     started = time.perf_counter()
     check_file(config, SUFFIXES.values())

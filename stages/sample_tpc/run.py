@@ -47,7 +47,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     ):
         chosen = clips_where(reader.clips, config.where)
         rows = config.share_of(chosen)
-        # Neither a clip nor a rig that is held out of training serves.
+        # Neither a clip nor a rig that is held out of training is used.
         training = [row for row in chosen if row.split == "train"] if config.mixed_rigs else []
         rigs = rigs_of(reader, training) if training else Rigs({}, {})
         bodies = {}

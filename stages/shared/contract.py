@@ -65,12 +65,12 @@ class ShardedConfig(StageConfig):
             return tuple(items)
         part, _, parts = self.shard.partition("/")
         if not (part.isdecimal() and parts.isdecimal() and len(self.shard) < 20 and 1 <= int(part) <= int(parts)):
-            raise UsageError(f"--shard {self.shard} is no part of a whole.", "Give 1/3, 2/3 or 3/3, for example.")
+            raise UsageError(f"--shard {self.shard} is not a part of a whole.", "Give 1/3, 2/3 or 3/3, for example.")
         return tuple(items[int(part) - 1 :: int(parts)])
 
 
 class StageReport(BaseModel):
-    """What a stage tells when it is done: plain data, printed by the command line or dumped as JSON."""
+    """What a stage reports when it is done: plain data, printed by the command line or dumped as JSON."""
 
     output: Path | None = None
     lines: list[str] = Field(default_factory=list, description="What a person should read, one sentence or row each.")

@@ -1,4 +1,4 @@
-"""How a stage tells of its progress without knowing of a terminal."""
+"""How a stage reports progress without a terminal."""
 
 from __future__ import annotations
 

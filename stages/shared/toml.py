@@ -25,7 +25,7 @@ def read_toml(path: Path, *, what: str = "settings file", option: str = "--confi
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"The {what} {path} cannot be read: {error}.") from None
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"The {what} {path} is no valid TOML: {error}.") from None
+        raise InputError(f"The {what} {path} is not valid TOML: {error}.") from None
 
 
 def parse_value(text: str) -> Any:

@@ -13,7 +13,7 @@ from data_schemas.tpc import BoneSet
 
 
 def a_skeleton(joints: int = 3, seed: int = 0) -> Skeleton:
-    """A chain of joints; joint 0 is no part of the body."""
+    """A chain of joints; joint 0 is not a part of the body."""
     rng = np.random.default_rng(seed)
     return Skeleton(
         names=tuple(f"joint {i}" for i in range(joints)),

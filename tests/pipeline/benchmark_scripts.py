@@ -1,4 +1,4 @@
-"""Scripts of `benchmarks/`, which are no package, as modules."""
+"""Scripts of `benchmarks/`, which are not a package, as modules."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
 def benchmark_script(name: str) -> ModuleType:
-    """The module of `benchmarks/NAME.py`, loaded anew."""
+    """The module of `benchmarks/NAME.py`, loaded again."""
     if str(FOLDER) not in sys.path:  # where a script finds what lies beside it
         sys.path.insert(0, str(FOLDER))
     spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")

@@ -143,7 +143,7 @@ def test_the_makefile_is_short():
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a fresh clone holds, but for the weights: no data beside it, no .venv, no runs."""
+    """What a fresh clone holds, except for the weights: no data beside it, no .venv, no runs."""
     folder = tmp_path_factory.mktemp("fresh") / "clone"
     listed = subprocess.run(
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],

@@ -57,7 +57,7 @@ def test_an_output_that_exists_is_refused_and_an_input_is_never_replaced(pumps, 
     digest = hashlib.sha256(walk.read_bytes()).hexdigest()
     onto_itself = pumps(*words, "-o", walk, "--overwrite")
     assert onto_itself.code == 2 and hashlib.sha256(walk.read_bytes()).hexdigest() == digest
-    if name != "report":  # whose output is no BVH at all
+    if name != "report":  # whose output is not a BVH at all
         assert "must not be replaced" in onto_itself.err
 
 
@@ -78,7 +78,7 @@ def test_a_report_is_an_html_page_with_an_svg_picture(pumps, walk, weights):
 
 @pytest.mark.parametrize("name", ["infill", "retarget"])
 def test_other_formats_are_what_export_makes_of_the_bvh(pumps, walk, weights, name: str):
-    """The same code writes them: the same bytes, but for the decimals that the BVH keeps."""
+    """The same code writes them: the same bytes, except for the decimals that the BVH keeps."""
     words = commands(walk, weights)[name]
     folder = walk.parent / "made"
     assert pumps(*words, "-o", folder / "clip.bvh").code == 0

@@ -71,7 +71,7 @@ def test_a_drift_is_drawn_beside_the_truth_and_keys_on_it() -> None:
     apart = np.abs(bones[0::2, 0, 0] - bones[1::2, 0, 0])
     assert apart[[0, -1]] == pytest.approx(0, abs=0.11)
     assert apart[1:-1] == pytest.approx(0.1 * a_metre, abs=0.3) and a_metre > 20
-    assert all(path.count("M") == 1 for path in paths)  # the finger and the head's bone are no lines
+    assert all(path.count("M") == 1 for path in paths)  # the finger and the head's bone are not lines
 
 
 def test_the_stage_writes_the_scenes_named_and_their_own_keys(tmp_path: Path) -> None:

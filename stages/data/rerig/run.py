@@ -20,7 +20,7 @@ from stages.shared.progress import SILENT, Progress
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Write every clip of the splits once, on a rig drawn for it, as CLIP@RIG; a minute of longer ones.
 
-    Sources and splits stay, so that what is measured is told by the recordings it came from.
+    Sources and splits stay, so that results are listed by the recordings they came from.
     Raises: InputError where there is no such clip, or none could be put on a rig; UsageError for a bad expression.
     """
     check_artefact(config, "motion")
@@ -53,7 +53,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         if not carried:
             raise InputError(
                 f"No clip of {config.motion} could be put on a rig of {config.rigs}.",
-                "Both must be humanoids; `pumps inspect FILE` tells what is found of a rig.",
+                "Both must be humanoids; `pumps inspect FILE` shows what is found of a rig.",
             )
         draft.summary |= {"clips": carried, "rigs": len(rigs.skeletons)}
     count = f"{len(rigs.skeletons)} rig{'' if len(rigs.skeletons) == 1 else 's'}"

@@ -33,8 +33,8 @@ _LEGEND = (
     "over time to the nearest trajectory of the group, both ways. **Spread ratio**: standard deviation of the points "
     "about their group's mean, decoded over true; 1 is right, less is drawn in. **Jerk ratio**: mean norm of the "
     f"third derivative, decoded over true; 1 is right. `{REFERENCE}`: another draw of the true cloud's points "
-    "measured the same way, a level that is no error. It is no lower bound: a cloud drawn in towards its groups' "
-    "means has a lower L_rec and a spread ratio below 1."
+    "measured the same way, the level of a perfect decoder. It is not a lower bound: a cloud drawn in towards its "
+    "groups' means has a lower L_rec and a spread ratio below 1."
 )
 
 

@@ -65,7 +65,7 @@ def _named(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value) or name in found:
-            raise UsageError(f"--made {text!r} is no NAME=MOTION of its own.", "Write --made mine=runs/mine/decode.")
+            raise UsageError(f"--made {text!r} is not NAME=MOTION of its own.", "Write --made mine=runs/mine/decode.")
         found[name] = value
     if not found:
         raise UsageError("There is nothing to measure.", "Give --made NAME=MOTION.")

@@ -11,7 +11,7 @@ from stages.shared.statistics.archives import archive_of
 
 
 def named(flag: str, texts: Sequence[str], taken: Sequence[str] = ()) -> dict[str, str]:
-    """Names and values, in order. Raises UsageError for one that is no NAME=VALUE, or a name that comes twice."""
+    """Names and values, in order. Raises UsageError for one that is not NAME=VALUE, or a name that comes twice."""
     found: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")

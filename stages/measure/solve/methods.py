@@ -37,7 +37,9 @@ def methods_of(config: Config) -> list[Method]:
     for text in config.networks:
         name, equals, source = text.partition("=")
         if not (name and equals and source) or name in {method.name for method in methods}:
-            raise UsageError(f"--networks {text!r} is no NAME=FOLDER of its own.", "Write --networks mine=runs/mine.")
+            raise UsageError(
+                f"--networks {text!r} is not NAME=FOLDER of its own.", "Write --networks mine=runs/mine."
+            )
         network = load_rig_network(source, config.device)
         for label, decode in ((name, decode_cloud), (f"{name} and solve", solve_from_network)):
             methods.append(Method(label, partial(by_network, network=network, decode=decode), source))

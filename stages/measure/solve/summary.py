@@ -93,9 +93,9 @@ def terminal_lines(rows: Sequence[MetricRow]) -> list[str]:
         methods = _in_order(row.method for row in here)
         for method in methods if task == TRUE else [m for m in methods if m not in (SLERP, "truth")]:
             figures = [(LABELS[metric], _mean(here, interval, method, metric)) for metric in LABELS]
-            told = ", ".join(f"{label} {_text(value, spans=False)}" for label, value in figures if value)
+            values = ", ".join(f"{label} {_text(value, spans=False)}" for label, value in figures if value)
             every = "the first frame alone known" if interval == ONE_KEY else f"keys every {interval}"
-            lines.append(f"{task}, {every}, {method}: {told}")
+            lines.append(f"{task}, {every}, {method}: {values}")
     return lines
 
 

@@ -120,18 +120,18 @@ def read_catalogue(path: Path | None = None) -> dict[str, DataSet]:
     except OSError as error:
         raise InputError(f"{where} cannot be read: {error.strerror}.") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{where} is no TOML file: {error}.") from error
+        raise InputError(f"{where} is not a TOML file: {error}.") from error
     found: dict[str, DataSet] = {}
     faults: list[str] = []
     for name, table in tables.items():
         try:
             if not _NAME.fullmatch(name):
-                faults.append(f"the name {name!r} is no plain word")
+                faults.append(f"the name {name!r} is not a plain word")
             found[name] = DataSet.model_validate(table)
         except ValidationError as error:  # noqa: PERF203
             faults += [f"{name}.{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
     if faults:
-        raise InputError(f"{where} is no catalogue: {'; '.join(faults)}.")
+        raise InputError(f"{where} is not a catalogue: {'; '.join(faults)}.")
     return found
 
 

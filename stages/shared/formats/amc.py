@@ -92,7 +92,7 @@ def _head(data: bytes, name: str, degrees: bool) -> tuple[int, int, bool, float 
         if words[:1] == [b":samples-per-second"] and len(words) > 1:
             fps = _number(words[1])
             if not 0 < fps <= 10_000:
-                raise InputError(f"{name}, line {line}: the rate is no number of samples per second.")
+                raise InputError(f"{name}, line {line}: the rate is not a number of samples per second.")
         at = end + 1
     raise InputError(f"{name}, line {line}: expected the number of the first frame.", "Is this an AMC file?")
 
@@ -208,7 +208,7 @@ def _frame_by_frame(data: bytes, start: int, name: str, line: int, lines: Sequen
         seen.add(bone.name)
         values = [_number(word) for word in words[1:]]
         if not np.isfinite(values).all():
-            raise InputError(f"{name}, line {number}: a value of bone '{bone.name}' is no finite number.")
+            raise InputError(f"{name}, line {number}: a value of bone '{bone.name}' is not a finite number.")
         row[place[bone.name] : place[bone.name] + len(values)] = values
     _check_whole(name, number, frames, seen, bones)
     return np.stack(frames)

@@ -121,7 +121,7 @@ def _check_member(archive: str, name: str, size: int, packed: int) -> None:
     if size > MAX_FILE_BYTES or (size > _RATIO_COUNTS_FROM and size > MAX_RATIO * max(packed, 1)):
         raise InputError(
             f"{archive} has a member '{name[:100]}' that would unpack to {size / 1e6:.0f} MB.",
-            "That is no recording; take it out of the archive.",
+            "That is not a recording; take it out of the archive.",
         )
 
 
@@ -187,7 +187,7 @@ class _Unpacked(io.RawIOBase):
         if place > self._limit + _RATIO_COUNTS_FROM:
             raise InputError(
                 f"{self._archive} would unpack to more than {self._limit / 1e6:.0f} MB, or ends before it should.",
-                "That is no archive of recordings, or it is damaged.",
+                "That is not an archive of recordings, or it is damaged.",
             )
 
 

@@ -33,7 +33,7 @@ def read_array(data: bytes, name: str) -> np.ndarray:
             warnings.simplefilter("ignore")  # old spellings of the header are read too
             shape, by_columns, dtype = header(stream)
     except Exception:  # the header is a Python literal, and its parser may raise anything
-        raise InputError(f"{name} is no NumPy array or is damaged.") from None
+        raise InputError(f"{name} is not a NumPy array or is damaged.") from None
     if dtype.hasobject:
         raise PickledArray(f"{name} holds Python objects, which are never unpickled.", "Save it as plain numbers.")
     if dtype.kind not in _KINDS or dtype.itemsize == 0 or any(n < 0 for n in shape) or len(shape) > 8:
@@ -69,7 +69,7 @@ def read_arrays(data: bytes, name: str, wanted: Collection[str]) -> tuple[dict[s
         chosen = [info for info in archive.infolist() if info.filename.removesuffix(".npy") in wanted]
         total = sum(info.file_size for info in chosen)
         if total > MAX_ARRAY_BYTES or total > max(_RATIO_COUNTS_FROM, MAX_RATIO * len(data)):
-            raise InputError(f"{name} would unpack to {total / 1e6:.0f} MB.", "That is no recording.")
+            raise InputError(f"{name} would unpack to {total / 1e6:.0f} MB.", "That is not a recording.")
         for info in chosen:
             key = info.filename.removesuffix(".npy")
             try:
@@ -98,7 +98,7 @@ def _opened(data: bytes, name: str) -> zipfile.ZipFile:
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
     except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError, OverflowError):
-        raise InputError(f"{name} is no NumPy archive or is damaged.", "Fetch it again.") from None
+        raise InputError(f"{name} is not a NumPy archive or is damaged.", "Fetch it again.") from None
     if len(archive.namelist()) > 10_000:
-        raise InputError(f"{name} holds {len(archive.namelist())} arrays, which is no recording.")
+        raise InputError(f"{name} holds {len(archive.namelist())} arrays, which is not a recording.")
     return archive

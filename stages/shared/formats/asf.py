@@ -51,7 +51,7 @@ class AsfSkeleton:
 def read_asf(data: bytes, name: str) -> AsfSkeleton:
     """Parse an ASF. Raises InputError naming file and line."""
     if len(data) > MAX_ASF_BYTES:
-        raise InputError(f"{name} has {len(data) / 1e6:.0f} MB, which is no skeleton file.")
+        raise InputError(f"{name} has {len(data) / 1e6:.0f} MB, which is not a skeleton file.")
     if b"\0" in data:
         raise InputError(f"{name} is not plain text.", "Is this an ASF file?")
     reader = _Reader(name)

@@ -71,14 +71,14 @@ class DeepMimicClip:
 
 def read_deepmimic(data: bytes, name: str) -> DeepMimicClip:
     """Parse a clip. Raises InputError if the data are not a clip."""
-    # A row has 44 numbers: text with more brackets or quotes than that is no clip, and its objects would fill memory.
+    # A row has 44 numbers. Text with more brackets or quotes than that is not a clip; its objects would fill memory.
     if data.count(b"[") + data.count(b"{") > len(data) // _WIDTH + 100 or data.count(b'"') > 1000:
-        raise InputError(f"{name} is no DeepMimic clip: it holds more than rows of numbers.")
+        raise InputError(f"{name} is not a DeepMimic clip: it holds more than rows of numbers.")
     try:
         raw = json.loads(data)
         frames = np.array(raw["Frames"], dtype=np.float64)
     except (ValueError, KeyError, TypeError, RecursionError, OverflowError):
-        raise InputError(f"{name} is no DeepMimic clip: it needs JSON with 'Frames' of equal length.") from None
+        raise InputError(f"{name} is not a DeepMimic clip: it needs JSON with 'Frames' of equal length.") from None
     if frames.ndim != 2 or frames.shape[1] != _WIDTH or len(frames) < 2:
         raise InputError(f"{name}: Frames has the shape {frames.shape}, expected 2 or more of {_WIDTH} numbers.")
     if not np.isfinite(frames).all() or np.abs(frames).max() > 1e6:

@@ -32,7 +32,7 @@ def reading_gltf(name: str) -> Iterator[None]:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, struct.error) as error:
         reason = " ".join(str(error).split())[:100]
-        raise InputError(f"{name} is no sound glTF file ({type(error).__name__}: {reason}).") from None
+        raise InputError(f"{name} is not a sound glTF file ({type(error).__name__}: {reason}).") from None
 
 
 class Document:
@@ -51,7 +51,7 @@ class Document:
         except (ValueError, RecursionError):
             raise InputError(f"{name}: its JSON cannot be read.", "Is the file truncated?") from None
         if not isinstance(self.json, dict) or not str(self.json["asset"]["version"]).startswith("2"):
-            raise InputError(f"{name} is no glTF 2.0.", "Export it anew as glTF 2.0.")
+            raise InputError(f"{name} is not glTF 2.0.", "Export it again as glTF 2.0.")
         self._lists: dict[str, list[dict[str, Any]]] = {}
         self._buffers: dict[int, bytes] = {}
         self._numbers: dict[int, np.ndarray] = {}
@@ -121,7 +121,7 @@ class Document:
                 try:
                     self._buffers[index] = base64.b64decode(uri.partition(",")[2], validate=True)
                 except (binascii.Error, ValueError):
-                    raise InputError(f"{self.name}: buffer {index} is no base64.") from None
+                    raise InputError(f"{self.name}: buffer {index} is not base64.") from None
             else:
                 raise InputError(
                     f"{self.name} keeps its numbers in another file.", "Export it as GLB, which includes them."

@@ -324,8 +324,8 @@ def _measured_lengths(frame: _Frame, places: np.ndarray) -> np.ndarray:
     for joint, parent in enumerate(frame.parents):
         if parent >= 0 and frame.column[joint] >= 0 and frame.column[parent] >= 0:
             lengths[joint] = np.linalg.norm(places[:, joint] - places[:, parent], axis=1).mean()
-    told = (lengths > 0) & (sizes > 0)
-    ratio = float(np.median(lengths[told] / sizes[told])) if told.any() else 1.0
+    sized = (lengths > 0) & (sizes > 0)
+    ratio = float(np.median(lengths[sized] / sizes[sized])) if sized.any() else 1.0
     if not lengths.sum() > 0:
         return frame.rest * ratio
     step = 10.0 ** np.floor(np.log10(lengths.sum())) / 10_000

@@ -70,7 +70,7 @@ def _meaning(columns: list[str], name: str) -> tuple[tuple[str, ...], list[int],
                 raise InputError(f"{name}, line 1: the column '{column[:60]}' stands twice.")
             axes[match["axis"].lower()] = index
         elif column.lower() not in _COUNTS:
-            raise InputError(f"{name}, line 1: '{column[:60]}' is no column of a place, such as Hips.x.")
+            raise InputError(f"{name}, line 1: '{column[:60]}' is not a column of a place, such as Hips.x.")
     if not found:
         raise InputError(f"{name}, line 1: there are no columns such as Hips.x.", "Is it a table of joint positions?")
     for joint, axes in found.items():
@@ -108,7 +108,7 @@ def _rate(times: np.ndarray, name: str) -> float:
     step = float(np.median(steps)) if np.isfinite(steps).all() else float("nan")
     if not 1e-4 <= step <= 10:
         raise InputError(
-            f"{name}: its times are no seconds that go up.", "Leave the column out and give --fps-override."
+            f"{name}: its times are not seconds that go up.", "Leave the column out and give --fps-override."
         )
     if np.abs(steps - step).max() > 0.5 * step:
         raise InputError(f"{name}: its times go up unevenly, by {steps.min():g} to {steps.max():g} seconds.")

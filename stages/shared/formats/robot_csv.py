@@ -40,7 +40,7 @@ def read_robot_csv(data: bytes, name: str, asked: Asked) -> list[Recording]:
 def rig_asked(name: str, asked: Asked) -> RobotRig:
     """The robot of a file's angles. Raises InputError if no URDF was given."""
     if not looks_urdf(asked.rig):
-        given = f"{asked.rig_name} is no URDF" if asked.rig_name else "no URDF lies beside it"
+        given = f"{asked.rig_name} is not a URDF" if asked.rig_name else "no URDF lies beside it"
         raise InputError(
             f"{name} holds angles of joints and no skeleton: {given}.",
             "Give the robot's URDF with --skeleton robot.urdf ('archive.zip!robot.urdf' too).",

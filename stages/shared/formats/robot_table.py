@@ -115,7 +115,7 @@ def check_rows(table: RobotTable, rig: RobotRig, rows: np.ndarray) -> None:
         bad = ~(np.abs(values) <= most)
     if bad.any():
         row, column = (int(i[0]) for i in np.nonzero(bad))
-        what = "is no finite number" if not np.isfinite(values[row, column]) else f"is {values[row, column]:g}"
+        what = "is not a finite number" if not np.isfinite(values[row, column]) else f"is {values[row, column]:g}"
         raise InputError(
             f"{table.name}, line {table.first_line + int(rows[row])}: {names[column]} {what}.",
             "Correct or remove the row.",
@@ -208,7 +208,9 @@ def _columns_by_name(cells: list[str], where: str, rig: RobotRig) -> np.ndarray:
         if name is None:
             if cell.lower() in _COUNTS:
                 continue
-            raise InputError(f"{where}: '{cell[:60]}' is no joint of {rig.source} and no part of the root's pose.")
+            raise InputError(
+                f"{where}: '{cell[:60]}' is neither a joint of {rig.source} nor a part of the root's pose."
+            )
         if name in found:
             raise InputError(f"{where}: the column '{cell[:60]}' stands twice.")
         found[name] = index
@@ -280,5 +282,5 @@ def _line_by_line(
                 "Is the file truncated?",
             )
         else:
-            raise InputError(f"{name}, line {begins + row + 1}: '{(bad or '')[:40]}' is no number.")
+            raise InputError(f"{name}, line {begins + row + 1}: '{(bad or '')[:40]}' is not a number.")
     return values

@@ -67,9 +67,9 @@ def notes_of_rows(rig: RobotRig, rows: RobotRows, *, limited: bool) -> list[str]
     if count:
         often = rows.beyond.sum(axis=0)
         worst = int(often.argmax())
-        told = "are held at a limit" if limited else "lie beyond the robot's limits"
+        said = "are held at a limit" if limited else "lie beyond the robot's limits"
         notes.append(
-            f"Angles of {count} of {len(rows.beyond)} frames {told}, most often {rig.angle_names[worst]}"
+            f"Angles of {count} of {len(rows.beyond)} frames {said}, most often {rig.angle_names[worst]}"
             f" ({often[worst]}){'' if limited else '; --respect-limits keeps them within'}."
         )
     return notes

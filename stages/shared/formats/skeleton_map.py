@@ -79,7 +79,7 @@ def unused_maps(maps: Sequence[SkeletonMap], rigs: Iterable[Sequence[str]]) -> l
 
 def map_of_values(values: dict[str, Any], name: str) -> SkeletonMap:
     """The map of values read from TOML; `name` is its name in error messages."""
-    faults = [f"'{key}' is no key; there are {', '.join(_KEYS)}" for key in values if key not in _KEYS]
+    faults = [f"'{key}' is not a key; there are {', '.join(_KEYS)}" for key in values if key not in _KEYS]
     chains = _groups(values.get("chains", {}), "chains", faults)
     beside = _groups(values.get("beside", {}), "beside", faults)
     faults += [f"chains.{group} is missing" for group, chain in zip(BODY_GROUPS, chains, strict=True) if not chain]
@@ -140,27 +140,27 @@ def parts_of_map(given: SkeletonMap, names: Sequence[str], parents: np.ndarray) 
             faults.append(f"{group} begins at '{names[chain[0]]}', which is not below '{names[pelvis]}'")
     if faults:
         raise _error(given, faults)
-    told = {joint: group for group, chain in enumerate(chains) for joint in chain}
-    told |= {index[name]: group for group, found in enumerate(given.beside) for name in found}
-    told |= {index[name]: NO_GROUP for name in given.outside}
+    grouped = {joint: group for group, chain in enumerate(chains) for joint in chain}
+    grouped |= {index[name]: group for group, found in enumerate(given.beside) for name in found}
+    grouped |= {index[name]: NO_GROUP for name in given.outside}
     groups = np.full(len(names), NO_GROUP, np.int8)
     for joint in range(len(names)):
         if joint == pelvis:
             groups[joint] = 0
         elif pelvis in lines[joint]:
-            groups[joint] = told.get(joint, int(groups[parents[joint]]))
+            groups[joint] = grouped.get(joint, int(groups[parents[joint]]))
     return BodyParts(groups, pelvis, chains, sided=True)
 
 
 def text_of_anatomy(anatomy: RigAnatomy, names: Sequence[str], parents: np.ndarray, source: str) -> str:
     """The map of a rig as pumps found it, as TOML text to edit."""
-    told = {joint: group for group, chain in enumerate(anatomy.chains) for joint in chain}
+    grouped = {joint: group for group, chain in enumerate(anatomy.chains) for joint in chain}
     beside: dict[str, list[str]] = {}
     outside: list[str] = []
     above = set(_line(anatomy.pelvis, parents)[1:])
     for joint, name in enumerate(names):
         group, parent = int(anatomy.groups[joint]), int(parents[joint])
-        if joint in told or joint == anatomy.pelvis:
+        if joint in grouped or joint == anatomy.pelvis:
             continue
         if group == NO_GROUP:
             if joint not in above and parent >= 0 and anatomy.groups[parent] != NO_GROUP:
@@ -189,7 +189,7 @@ def _groups(given: Any, table: str, faults: list[str]) -> tuple[tuple[str, ...],
         faults.append(f"{table} must be a table of groups")
         given = {}
     faults += [
-        f"{table}.{key} is no body group; there are {', '.join(BODY_GROUPS)}"
+        f"{table}.{key} is not a body group; there are {', '.join(BODY_GROUPS)}"
         for key in given
         if key not in BODY_GROUPS
     ]
@@ -232,7 +232,7 @@ def _filled(
 def _error(given: SkeletonMap, faults: Sequence[str]) -> InputError:
     if len(faults) == 1:
         return InputError(f"{given.name}: {faults[0]}.", "`pumps inspect FILE --map` prints a map that fits.")
-    told = "".join(f"\n  {fault}" for fault in faults)
+    listed = "".join(f"\n  {fault}" for fault in faults)
     return InputError(
-        f"{given.name} has {len(faults)} faults:{told}", "`pumps inspect FILE --map` prints a map that fits."
+        f"{given.name} has {len(faults)} faults:{listed}", "`pumps inspect FILE --map` prints a map that fits."
     )

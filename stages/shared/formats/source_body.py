@@ -78,7 +78,7 @@ class SourceBody:
     """The body found on a rig, in the source's unit and axes.
 
     offsets: (J, 3) heads in the parents' frames, joint 0 zeros; rest: (J, 3) joints at zero rotations.
-    told: (J,) bool, False if a tail is a guess, since the joint has neither a child nor an End Site.
+    tail_known: (J,) bool, False if a tail is a guess, since the joint has neither a child nor an End Site.
     mapped: True if the parts come from a skeleton map of the user's.
     """
 
@@ -87,7 +87,7 @@ class SourceBody:
     offsets: np.ndarray
     rest: np.ndarray
     tails: np.ndarray
-    told: np.ndarray
+    tail_known: np.ndarray
     on_chain: np.ndarray
     parts: BodyParts
     unit_m: float
@@ -118,13 +118,24 @@ def body_of(rig: SourceRig) -> SourceBody:
     leaf = reference_pose.LEAF_LENGTH_M / unit_m
     tails, on_chain = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, leaf)
     known, _ = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, 0.0)
-    told = np.linalg.norm(known, axis=1) > 0
+    tail_known = np.linalg.norm(known, axis=1) > 0
     rest = np.zeros_like(offsets)
     for joint in range(1, len(parents)):
         rest[joint] = rest[parents[joint]] + offsets[joint]
     up_axis = (given and given.up_axis) or rig.up_axis
     return SourceBody(
-        rig.names, parents, offsets, rest, tails, told, on_chain, parts, unit_m, unit_note, up_axis, given is not None
+        rig.names,
+        parents,
+        offsets,
+        rest,
+        tails,
+        tail_known,
+        on_chain,
+        parts,
+        unit_m,
+        unit_note,
+        up_axis,
+        given is not None,
     )
 
 
@@ -180,7 +191,7 @@ def motion_of_poses(
     doubtful = not parts.sided or (has_a_tail(body.names) and not body.mapped)
     if doubtful and stands_on_four_feet(world, body.rest, parts):
         raise InputError(
-            "The skeleton is no humanoid that can be recognised: it stands on four legs.",
+            "The skeleton is not a humanoid that can be recognised: it stands on four legs.",
             "If it is a humanoid, name the joints of its limbs with --skeleton-map.",
         )
     if not parts.sided:
@@ -230,7 +241,7 @@ def _body_poses(
     tracks = poses.tracks[seen] if len(poses.moving) else None
     rotations = rotations_at(seen)
     heads = joint_positions(rotations, poses.root[seen], body.offsets, body.parents, poses.moving, tracks)
-    return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.told), step / poses.fps)
+    return BodyPoses(heads, bone_tips(heads, rotations, body.tails, body.tail_known), step / poses.fps)
 
 
 def _skeleton(header: str, body: SourceBody, parts: BodyParts, up_axis: str) -> Skeleton:

@@ -172,7 +172,7 @@ def _in_archive(archive: str) -> list[Source]:
 
 def _read_file(source: Source) -> bytes:
     if source.size > MAX_FILE_BYTES:
-        raise InputError(f"{source.name} has {source.size / 1e6:.0f} MB, which is no recording.")
+        raise InputError(f"{source.name} has {source.size / 1e6:.0f} MB, which is not a recording.")
     try:
         return Path(source.name).read_bytes()
     except OSError as error:

@@ -89,7 +89,7 @@ def read_urdf(data: bytes, name: str) -> Urdf:
     Raises: InputError naming the file, and the line, joint or link with the fault.
     """
     if len(data) > MAX_URDF_BYTES:
-        raise InputError(f"{name} has {len(data) / 1e6:.0f} MB, which is no robot's description.")
+        raise InputError(f"{name} has {len(data) / 1e6:.0f} MB, which is not a robot's description.")
     robot = _Reader(name).read(data)
     if robot.tag != "robot":
         raise InputError(
@@ -115,7 +115,7 @@ def read_urdf(data: bytes, name: str) -> Urdf:
     if len(joints) > MAX_JOINTS:
         raise InputError(f"{name} has {len(joints)} joints, and {MAX_JOINTS} are the most.")
     if not links or not joints:
-        raise InputError(f"{name} has {len(links)} links and {len(joints)} joints, which is no robot.")
+        raise InputError(f"{name} has {len(links)} links and {len(joints)} joints, which is not a robot.")
     return _tree(robot.attributes.get("name", ""), name, links, tuple(joints.values()))
 
 

@@ -80,13 +80,13 @@ def anatomy_of(
         mapped: True if the body parts come from a skeleton map of the user's.
     """
     parts, how, sure = parts_of_skeleton(skeleton, mapped)
-    told = np.linalg.norm(skeleton.tails, axis=1) > 0
-    poses = BodyPoses(heads, bone_tips(heads, rotations, skeleton.tails, told), spacing_s)
+    known = np.linalg.norm(skeleton.tails, axis=1) > 0
+    poses = BodyPoses(heads, bone_tips(heads, rotations, skeleton.tails, known), spacing_s)
     moving = find_facing(poses, parts)
     rest_heads = _rest_of(skeleton)
     rest = _rest_name(rest_heads, parts)
     still = np.tile((0.0, 0.0, 0.0, 1.0), (1, skeleton.joints, 1))
-    at_rest = BodyPoses(rest_heads[None], bone_tips(rest_heads[None], still, skeleton.tails, told))
+    at_rest = BodyPoses(rest_heads[None], bone_tips(rest_heads[None], still, skeleton.tails, known))
     # The rest pose is in the source's axes, the motion is Y up.
     turn = turn_to_y_up(skeleton.up_axis)
     if rest == "no human pose":

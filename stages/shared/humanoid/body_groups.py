@@ -69,7 +69,7 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
         found = find_four_limbs(tree, names)
         if isinstance(found, str):
             raise InputError(
-                f"The skeleton is no humanoid that can be recognised, with two legs and two arms: it {found}.",
+                f"The skeleton is not a humanoid that can be recognised, with two legs and two arms: it {found}.",
                 "If it is one, name the joints of its limbs with --skeleton-map, or rename them (LeftUpLeg, ...).",
             )
         legs, arms, sure = found.legs, found.arms, found.sure

@@ -48,15 +48,15 @@ class Facing:
     balance: float
 
 
-def bone_tips(heads: np.ndarray, rotations: np.ndarray, tails: np.ndarray, told: np.ndarray) -> np.ndarray:
+def bone_tips(heads: np.ndarray, rotations: np.ndarray, tails: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(F, J, 3) ends of bones, from heads (F, J, 3), global rotations (F, J, 4) xyzw and tails (J, 3).
 
-    NaN where `told` (J,) is False, since the tail is a guess there.
+    NaN where `known` (J,) is False, since the tail is a guess there.
     """
     vector, scalar = rotations[..., :3], rotations[..., 3:]
     twice = 2.0 * np.cross(vector, tails)
     tips = heads + tails + scalar * twice + np.cross(vector, twice)
-    return np.where(told[:, None], tips, np.nan)
+    return np.where(known[:, None], tips, np.nan)
 
 
 def find_facing(poses: BodyPoses, parts: BodyParts) -> Facing:

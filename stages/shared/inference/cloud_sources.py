@@ -114,7 +114,7 @@ class Drawing(NamedTuple):
     points:  of the cloud that the solve follows.
     sigma_m: their spread around the bones, metres.
     views:   how often the networks see the clip, turned and mirrored, each time with points spread over the bones
-             anew, as many as the encoder was trained on.
+             again, as many as the encoder was trained on.
     seed:    of the points' places and identities.
     """
 

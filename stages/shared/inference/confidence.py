@@ -98,7 +98,7 @@ def _root_mean_square(values: Tensor) -> float:
 
 
 def write_confidence(path: Path, confidence: Confidence, about: dict[str, object]) -> None:
-    """Write it as JSON; `about` tells what it was fitted on."""
+    """Write it as JSON; `about` states what it was fitted on."""
     content = {"version": VERSION, "gap_edges": GAP_EDGES, "size_edges": SIZE_EDGES, "parts": PARTS, "nodes": NODES}
     content |= {"about": about, "trust": np.round(confidence.trust, 4).tolist()}
     write_whole(path, (json.dumps(content, indent=1) + "\n").encode("utf-8"))

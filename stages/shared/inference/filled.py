@@ -19,8 +19,8 @@ class Filled:
     """A filled motion and what a summary should say of it.
 
     motion:         as many frames as were given, at the same rate; keys are the given rows, value for value.
-    plain:          (T, J) bool, True where a frame that is no key has the plain interpolation's local rotation, but
-                    for what smooths it, eases it out of the keys and keeps the feet where they stand.
+    plain:          (T, J) bool, True where a frame that is not a key has the plain interpolation's local rotation,
+                    before smoothing, easing out of the keys and foot lock.
     jump_frames:    (K,) keys that border a gap and have frames on both sides.
     jumps_mps:      (K,) mean change of the body joints' velocity at these keys, metres a second.
     base_jumps_mps: (K,) the same of the plain interpolation.

@@ -35,7 +35,7 @@ from stages.shared.solve.solving import SolveOptions, solve_pose
 SMOOTH_S, LOOSE = 0.06, 0.005
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 1.5
-FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was no standing one
+FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
 LEG = SolveOptions(point_noise_m=0.005, huber_m=1.0, turn_prior_rad=0.5, shift_prior_m=1e-4, iterations=12)
 STILL_RAD = 1e-4
 

@@ -29,7 +29,7 @@ def parse_keyframes(text: str, frames: int) -> np.ndarray:
     if not parts:
         raise UsageError("No keyframes are named.", _FORMS)
     if frames <= 0:
-        raise InputError("Keyframes are asked of a clip that has no frames.", "Check the clip's MOTION section.")
+        raise InputError("Keyframes need a clip that has frames.", "Check the clip's MOTION section.")
     return np.unique(np.concatenate([_frames_of(part, frames) for part in parts])).astype(np.int64)
 
 
@@ -40,7 +40,9 @@ def parse_transition(text: str, frames: int) -> np.ndarray:
     """
     match = _SLICE.fullmatch(text.strip())
     if match is None or match[1] is None or match[2] is None or match[3] is not None:
-        raise UsageError(f"The transition {text!r} is no range of frames.", "Write it as first:stop, such as 30:60.")
+        raise UsageError(
+            f"The transition {text!r} is not a range of frames.", "Write it as first:stop, such as 30:60."
+        )
     first, stop = int(match[1]), int(match[2])
     if not 0 < first < stop < frames:
         raise InputError(

@@ -35,7 +35,7 @@ class Tokens:
         return np.where(self.is_key[near], inward, near)
 
     def gaps(self) -> list[np.ndarray]:
-        """Runs of tokens that are no keys, as arrays of indices."""
+        """Runs of tokens that are not keys, as arrays of indices."""
         free = np.flatnonzero(~self.is_key)
         return [run for run in np.split(free, np.flatnonzero(np.diff(free) > 1) + 1) if len(run)]
 

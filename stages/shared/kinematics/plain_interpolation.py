@@ -231,7 +231,7 @@ def _position_curve(values: Tensor, lengths: Tensor, segments: Segments, smooth:
 def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: float | Tensor) -> Tensor:
     first, share = segments.first, segments.share.view(-1, *[1] * (keys.dim() - 2), 1)
     turns = roma.quat_product(roma.quat_conjugation(keys[:-1]), keys[1:])
-    # The shorter way round; the sign continuity of the keys has chosen it already save for float rounding.
+    # The shorter way round; the sign continuity of the keys has chosen it already except for float rounding.
     turns = shorter_way(turns)
     steps = roma.unitquat_to_rotvec(turns)
     if not isinstance(smooth, Tensor) and smooth == 0.0:

@@ -19,7 +19,7 @@ from stages.shared.kinematics.foot_contacts import find_feet
 GRAVITY = 9.81
 LOW_PASS_HZ = 12.0
 LEAST_S = 1.0
-LONGEST_S = 40.0  # more of a clip tells nothing new
+LONGEST_S = 40.0  # more of a clip adds nothing
 SUSPECT = 0.6  # |log2 of the speed| from which a frame rate is suspected
 
 # The regression's weights: of the features, of their squares, and the constant. Fitting: docs/log.md, 2026-11-28.

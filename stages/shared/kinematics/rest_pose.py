@@ -3,7 +3,7 @@
 A skeleton adapted to a point cloud bends where that suits the cloud, not where its maker meant it to: hips and
 shoulders above all. So an interpolator is trained on motions whose rest pose was changed at random, each bone turned
 back towards where its tail was by the smallest rotation that does it. A change that keeps all lengths changes no
-joint's position, and no FOQ either; what augments is that heads move, and bones are aimed anew from there.
+joint's position, and no FOQ either; what augments is that heads move, and bones are aimed again from there.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ def slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarra
     Args:
         first, second: (..., 4) unit. share: (..., 1), 0 for the first, 1 for the second.
 
-    Returns: (..., 4), of unit length but for rounding.
+    Returns: (..., 4), of unit length except for rounding.
     """
     cosine = (first * second).sum(-1)[..., None]
     second = np.where(cosine < 0, -second, second)

@@ -31,7 +31,7 @@ def interpolate_windows(
 ) -> tuple[Tensor, Tensor]:
     """What the damped `interpolate_pose` makes of each window's known frames, by its own hierarchy.
 
-    The windows are laid on one long timeline, so that one call serves them all; a window that ends (or begins)
+    The windows are laid on one long timeline, so that one call interpolates all; a window that ends (or begins)
     without a key holds its last (first) one, or glides on from it.
 
     Args:

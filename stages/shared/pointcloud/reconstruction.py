@@ -1,7 +1,7 @@
 """How far a reconstructed cloud is from the true one, once its points are paired (PUMPS 3.2, Table 2).
 
 Every figure is one number for a window, so that means over clips and their intervals can be taken. Two independent
-draws of the true cloud, measured the same way, give the level that is no error.
+draws of the true cloud, measured the same way, give the level that a perfect decoder would reach.
 """
 
 from __future__ import annotations

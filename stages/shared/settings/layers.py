@@ -1,6 +1,6 @@
 """One Config out of several layers of settings: defaults, presets, files, flags; the later layer wins.
 
-Every fault is told at once, each with the place it came from.
+All faults are reported at once, each with the place it came from.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _fault(
     """One fault in words: the setting as it was spelled where it came from, what it is, what it should be."""
     path = tuple(str(part) for part in detail["loc"])
     message = str(detail["msg"]).removeprefix("Value error, ")
-    if not path:  # settings that do not go together, which are told as they are
+    if not path:  # settings that do not go together, reported as they are
         return message
     origin = next((origins[path[:n]] for n in range(len(path), 0, -1) if path[:n] in origins), None)
     fields = [part for part in path if not part.isdecimal()]

@@ -42,7 +42,7 @@ def _archive(name: str) -> str:
 def _entry(name: str) -> DataSet:
     catalogue = read_catalogue()
     if name not in catalogue or not catalogue[name].archive_names:
-        raise UsageError(f"A recipe reads {name}, which is no archive of the catalogue of data sets.")
+        raise UsageError(f"A recipe reads {name}, which is not an archive of the catalogue of data sets.")
     return catalogue[name]
 
 

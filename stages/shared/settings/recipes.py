@@ -68,7 +68,7 @@ class NodeText(_Strict):
 
     stage:       the stage's name in the registry.
     inputs:      field of its Config -> places ("NODE", "NODE/more", "LABEL=NODE", "." for the run's folder, "./PATH"
-                 for a path in it that is no node), weights by name, or paths.
+                 for a path in it that is not a node), weights by name, or paths.
     settings:    field of its Config -> value.
     on_embedded: settings where only the clips that come with pumps are read.
     after:       nodes that are made before it, although none of its flags names them.
@@ -167,7 +167,7 @@ def read_recipe(name: str, given: Sequence[str] = (), data_folder: str = "") -> 
         given:       "NAME=WORDS" each, parameters of the recipe.
         data_folder: where its archives lie.
 
-    Raises: UsageError for an unknown recipe or parameter, or a file that is no recipe.
+    Raises: UsageError for an unknown recipe or parameter, or a file that is not a recipe.
     """
     text = _text(name) if name else None
     words = _parameters(name, {"weights": ""} if text is None else text.parameters, given)
@@ -194,7 +194,7 @@ def read_recipe(name: str, given: Sequence[str] = (), data_folder: str = "") -> 
 
 
 def filled(text: str, words: Words) -> list[str]:
-    """`text` with its {NAME}s replaced; names that are no words stay. Empty where a word is missing."""
+    """`text` with its {NAME}s replaced; names that are not words stay. Empty where a word is missing."""
     alone = _NAME.fullmatch(text)
     if alone and alone[1] in words:
         return list(words[alone[1]])
@@ -276,14 +276,14 @@ def _parameters(recipe: str, defaults: Mapping[str, str], given: Sequence[str]) 
         name, equals, value = text.partition("=")
         if not equals or name not in values:
             raise UsageError(
-                f"--with {text!r} is no NAME=WORDS with a parameter of {recipe or 'the pipeline'}.",
+                f"--with {text!r} is not NAME=WORDS with a parameter of {recipe or 'the pipeline'}.",
                 f"Its parameters are {', '.join(values) or 'none'}.",
             )
         values[name] = value
     if not values.get("rounds", "1").strip() or values.get("rounds") == "0":
         values["rounds"] = ""
     elif not values.get("rounds", "1").isdecimal():
-        raise UsageError(f"--with rounds={values['rounds']} is no whole number.", "Give rounds=3, for example.")
+        raise UsageError(f"--with rounds={values['rounds']} is not a whole number.", "Give rounds=3, for example.")
     return {name: tuple(value.split()) for name, value in values.items()}
 
 
@@ -322,7 +322,7 @@ def _text(name: str) -> RecipeText:
         return RecipeText.model_validate(values)
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
-        raise UsageError(f"{name}.toml is no recipe: {faults}.") from None
+        raise UsageError(f"{name}.toml is not a recipe: {faults}.") from None
 
 
 def _with_base(name: str) -> dict[str, Any]:

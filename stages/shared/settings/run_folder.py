@@ -144,7 +144,7 @@ def _sources_of(recipe: Recipe, node: Node, request: RunRequest) -> tuple[str, .
     if node.archives:
         if request.sources:
             raise UsageError(f"The recipe {recipe.name} reads its own archives alone.", "Leave out --source (DATA).")
-        recipe_sources(recipe.name, recipe.data, request.data_folder)  # tells of all that are missing at once
+        recipe_sources(recipe.name, recipe.data, request.data_folder)  # reports all missing archives at once
         return recipe_sources(recipe.name, DataNeeded(archives=node.archives), request.data_folder)
     if request.sources or not recipe.name:
         return tuple(request.sources)
@@ -192,7 +192,7 @@ def _parse_setting(text: str, recipe: Recipe) -> tuple[str, Layer]:
     stage = OLD_NAMES.get(stage, stage)
     if not equals or not path or (stage not in NAMES and stage not in recipe.nodes):
         raise UsageError(
-            f"--set {text!r} is no STAGE.FIELD=VALUE, as train-ae.steps=100 is.", f"Stages are {', '.join(NAMES)}."
+            f"--set {text!r} is not a STAGE.FIELD=VALUE, as train-ae.steps=100 is.", f"Stages are {', '.join(NAMES)}."
         )
     values: dict = {}
     inner = values

@@ -21,8 +21,8 @@ from data_schemas.skeleton import BODY_GROUPS, Skeleton
 from stages.shared.kinematics.plain_interpolation import interpolate_values
 from stages.shared.solve.binding import MOST_FRAMES, bind_points
 
-SPREAD_TRUST = 0.03  # relative error of the scale that spread alone tells
-POINT_TRUST_M = 0.02  # how far points may stray on their bones, where motion tells the scale
+SPREAD_TRUST = 0.03  # relative error of the scale from the spread alone
+POINT_TRUST_M = 0.02  # how far points may stray on their bones, where motion gives the scale
 REFITS = 3  # bindings, each with the scale that the one before gave
 SHIFT_BELIEF = 1e-3  # share of a point's evidence that the cloud's middle is the drawn points' middle
 SIGMA_M = 0.05  # expected spread of points around their bones
@@ -79,7 +79,7 @@ def fit_cloud(
 
 
 def spread_scale(points: Tensor, groups: Tensor, skeleton: Skeleton, heads: Tensor, rotations: Tensor) -> float:
-    """The scale from the spread of the cloud alone, where no motion tells it: root mean square distance from its
+    """The scale from the spread of the cloud alone, where no motion gives it: root mean square distance from its
     middle, over what points drawn on the skeleton would have in the same poses. Arguments as for `fit_cloud`.
     """
     expected = _expected(groups, skeleton, heads, rotations)
@@ -104,7 +104,7 @@ def _expected(groups: Tensor, skeleton: Skeleton, heads: Tensor, rotations: Tens
     shared = [g for g in range(len(BODY_GROUPS)) if (of_group == g).any() and lengths[skeleton.groups == g].sum() > 0]
     if not shared:
         raise InputError(
-            "The cloud and the skeleton share no body group, so that nothing tells their scale.",
+            "The cloud and the skeleton share no body group, so that their scale cannot be found.",
             "Check the skeleton's body groups with pumps inspect.",
         )
     own = np.isin(of_group, shared)

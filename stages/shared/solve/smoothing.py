@@ -87,7 +87,7 @@ def smooth_as_needed(curves: np.ndarray, *, together: int = 3) -> np.ndarray:
 
     The strength is found by generalised cross-validation (Craven and Wahba 1979): on evenly spaced frames Whittaker's
     smoother is diagonal in the cosine transform (Garcia 2010), so that trying all of `SPANS` costs one transform.
-    Noise that is fresh in every frame is told from motion and taken out; a drift never is.
+    Noise that is fresh in every frame is told apart from motion and removed; a drift is not.
 
     Args:
         curves: (N, F) at frames 1 apart, N >= 3.

@@ -88,7 +88,7 @@ def key_jump_mps(positions: np.ndarray, keys: np.ndarray) -> np.ndarray:
 
 def seam_share(positions: np.ndarray, missing: np.ndarray, seams: np.ndarray) -> np.ndarray:
     """(B,) how much more velocity changes at missing frames where windows meet than at all other missing frames, mean
-    over joints. The truth has about 1, but for where these frames lie in their gaps; a pop would lie above. NaN
+    over joints. The truth has about 1, except where these frames lie in their gaps; a pop would lie above. NaN
     where one kind is missing, or nothing moves."""
     inside = missing.copy()
     inside[[0, -1]] = False

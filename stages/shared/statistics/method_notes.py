@@ -1,4 +1,4 @@
-"""What an evaluation's methods are: kept as facts in the manifest's summary, told in one sentence for each."""
+"""What an evaluation's methods are: kept as facts in the manifest's summary, with one sentence for each."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def _measured(folder: Path) -> list[dict[str, Any]]:
         rows = json.loads(path.read_text(encoding="utf-8"))
         wanted = {"scope", "task", "interval", "baseline", "ratio", "low", "high", "windows"}
         if not isinstance(rows, list) or not all(isinstance(row, dict) and wanted <= row.keys() for row in rows):
-            raise ValueError("it is no list of what was measured")
+            raise ValueError("it is not a list of what was measured")
     return rows
 
 

@@ -1,6 +1,6 @@
 """The weights that come with the package: where they lie, which serve by default; what they are: `facts`.
 
-Reads no file but for being there, so that help is made at once.
+Reads no file except for being there, so that help is made at once.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 from data_schemas.errors import InputError
 
 SHIPPED = Path(__file__).resolve().parent
-# The first of these that is shipped serves by default: free for any use before better but non-commercial ones.
+# The first of these that is shipped is the default: free for any use before better but non-commercial ones.
 PREFERRED = ("small-free", "small", "tiny")
 PARTS = (("ae", "lms"), ("train-ae", "train-lms"))  # of packed weights; of a run
 MEASURED_NAME = "measured.json"

@@ -39,7 +39,7 @@ class Config(TrainingConfig):
         ge=0,
     )
     loss_points: int = Field(
-        0, description="Points per cloud that the loss compares, drawn anew for each step; 0 for all."
+        0, description="Points per cloud that the loss compares, drawn again for each step; 0 for all."
     )
     variation_weight: float = Field(
         0.0,

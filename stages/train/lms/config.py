@@ -27,7 +27,7 @@ class NewSizes(SynthesiserSizes):
 class Config(TrainingConfig):
     """Train the latent motion synthesiser with the frozen encoder (PUMPS 3.3)."""
 
-    tpc: Path = Field(description="The tpc artefact to learn from; its clips are encoded with points drawn anew.")
+    tpc: Path = Field(description="The tpc artefact to learn from; its clips are encoded with points drawn again.")
     ae: Path = Field(description="Checkpoint artefact of the autoencoder.")
     latent: Path | None = Field(None, description="The latent artefact of the same clips, made by the same encoder.")
     synthesiser: NewSizes = NewSizes()

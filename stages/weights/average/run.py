@@ -87,7 +87,7 @@ def _same_data(one: Checkpoint, other: Checkpoint) -> bool:
 
 
 def _distance(kept: Checkpoint, mean: Mapping[str, np.ndarray]) -> float:
-    """How far weights lie from their mean, as a share of the mean's size; infinite where they are no numbers."""
+    """How far weights lie from their mean, as a share of the mean's size; infinite where they are not numbers."""
     apart = sum(float(np.square(kept.weights[name] - value).sum()) for name, value in mean.items())
     size = sum(float(np.square(value).sum()) for value in mean.values())
     share = float(np.sqrt(apart / max(size, np.finfo(float).tiny)))

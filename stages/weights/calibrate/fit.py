@@ -25,11 +25,11 @@ _TINY = 1e-12
 @dataclass
 class Sums:
     """Normal equations of all bins' trust, in the order of a table of `SHAPE` laid out flat: squares (n, n), products
-    (n,), gaps heard (n,); and the power of what corrections should have done."""
+    (n,), gaps counts (n,); and the power of what corrections should have done."""
 
     squares: np.ndarray = field(default_factory=lambda: np.zeros((_COUNT, _COUNT)))
     products: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
-    heard: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
+    counts: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
     power: float = 0.0
 
     def add(
@@ -52,13 +52,13 @@ class Sums:
         target = wanted.reshape(-1).astype(np.float64)
         self.squares[np.ix_(bins, bins)] += columns @ columns.T
         self.products[bins] += columns @ target
-        self.heard[bins] += 1
+        self.counts[bins] += 1
         self.power += float(target @ target)
 
     def scaled(self) -> Sums:
         """As heavy as any other: what corrections should have done has one power in all."""
         whole = max(self.power, _TINY)
-        return Sums(self.squares / whole, self.products / whole, self.heard, self.power / whole)
+        return Sums(self.squares / whole, self.products / whole, self.counts, self.power / whole)
 
 
 def total(parts: Sequence[Sums]) -> Sums:
@@ -66,7 +66,7 @@ def total(parts: Sequence[Sums]) -> Sums:
     return Sums(
         np.sum([part.squares for part in parts], axis=0),
         np.sum([part.products for part in parts], axis=0),
-        np.sum([part.heard for part in parts], axis=0),
+        np.sum([part.counts for part in parts], axis=0),
         sum(part.power for part in parts),
     )
 
@@ -78,8 +78,8 @@ def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
     trust = np.zeros(_COUNT)
     for level in _levels():
         left = level.T @ (whole.products - whole.squares @ trust)
-        squares, heard = level.T @ whole.squares @ level, level.T @ whole.heard
-        ridge = np.diag(squares) * prior / np.maximum(heard, 1) + _TINY
+        squares, counts = level.T @ whole.squares @ level, level.T @ whole.counts
+        ridge = np.diag(squares) * prior / np.maximum(counts, 1) + _TINY
         trust += level @ np.linalg.solve(squares + np.diag(ridge), left)
     return np.clip(trust.reshape(SHAPE), 0, 1)
 

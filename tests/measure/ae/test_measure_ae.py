@@ -90,7 +90,7 @@ def test_what_gives_back_the_cloud_it_was_given_has_no_error(trained, tmp_path, 
     assert mean["rec_mm"] == mean["moving_mm"] == 0 and mean["chamfer_mm"] < 2
     assert mean["spread"] == pytest.approx(1) and mean["jerk_ratio"] == pytest.approx(1)
     reference = [r.value for r in rows if r.method == REFERENCE and r.metric == "rec_mm"]
-    assert min(reference) > 50, "two draws of the truth are far apart, and that is no error"
+    assert min(reference) > 50, "two draws of the truth are far apart, and that is not an error"
 
 
 def test_encoding_in_a_batch_is_encoding_one_by_one(trained):

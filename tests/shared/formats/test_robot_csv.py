@@ -106,17 +106,17 @@ def _with(row: int, column: int, value: float) -> bytes:
 
 WRONG = {
     "columns": (csv_of(some_rows()[:, :-1]), "has 21 columns, expected 22"),
-    "nan": (_with(4, 9, np.nan), "line 5: left_knee_joint is no finite number"),
-    "inf": (_with(0, 0, np.inf), "line 1: root_x is no finite number"),
+    "nan": (_with(4, 9, np.nan), "line 5: left_knee_joint is not a finite number"),
+    "inf": (_with(0, 0, np.inf), "line 1: root_x is not a finite number"),
     "far": (_with(2, 1, 1e9), "line 3: root_y is 1e+09"),
     "quaternion": (_with(3, 6, 1.9), "line 4: the root's quaternion"),
     "word": (csv_of(some_rows()).replace(b"\n", b"\nhello,", 1), "line 2: 23 cells where there are 22"),
-    "no-number": (csv_of(some_rows()).replace(b"0.75", b"0.7x", 1), "is no number"),
+    "no-number": (csv_of(some_rows()).replace(b"0.75", b"0.7x", 1), "is not a number"),
     "truncated": (csv_of(some_rows())[:-60], "Is the file truncated?"),
     "empty": (b"\n\n", "has no rows"),
     "binary": (b"\0\1\2" * 9, "is not plain text"),
     "header-only": (csv_of(some_rows(0), ",".join([*ROOT_COLUMNS, *ANGLES])), "has no rows"),
-    "strange-name": (csv_of(some_rows(), ",".join([*ROOT_COLUMNS, *ANGLES[:-1], "tail"])), "'tail' is no joint"),
+    "strange-name": (csv_of(some_rows(), ",".join([*ROOT_COLUMNS, *ANGLES[:-1], "tail"])), "'tail' is not a joint"),
     "twice": (csv_of(some_rows(), ",".join([*ROOT_COLUMNS, *ANGLES[:-1], ANGLES[0]])), "stands twice"),
     "missing": (csv_of(some_rows()[:, :-2], ",".join([*ROOT_COLUMNS, *ANGLES[:-2]])), "no column for"),
 }

@@ -85,7 +85,7 @@ def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
         motion_of(bvh, skeleton_maps=(_map(tmp_path, text),))
     said = caught.value.message
     for part in (
-        "'units' is no key", "up is 'q'", "unit_m is -1", "chains.tail is no body group", "chains.right_leg",
+        "'units' is not a key", "up is 'q'", "unit_m is -1", "chains.tail is not a body group", "chains.right_leg",
         "no joint 'RightHnd'; is it 'RightHand'?", "no joint 'Haed'", "a.bvh",
     ):  # fmt: skip
         assert part in said

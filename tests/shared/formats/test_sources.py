@@ -134,7 +134,7 @@ def test_damaged_and_missing_sources(tmp_path: Path, monkeypatch: pytest.MonkeyP
     data = bytearray(path.read_bytes())
     data[120:140] = bytes(20)
     path.write_bytes(data)
-    with pytest.raises(InputError, match=r"no\.zip is no zip archive"):
+    with pytest.raises(InputError, match=r"no\.zip is not a zip archive"):
         find_sources([str(tmp_path / "no.zip")])
     with pytest.raises(InputError, match="damaged"):
         find_sources([str(path)])[0].read()

@@ -110,7 +110,7 @@ def test_swapped_sides_are_noticed() -> None:
     assert _anatomy(replace(written.rig, names=names), written.poses).sides_look_swapped
 
 
-# --- what is no humanoid ------------------------------------------------------------------------
+# --- what is not a humanoid ------------------------------------------------------------------------
 
 
 def _rig(joints: list[tuple[int, tuple[float, float, float]]]) -> tuple[SourceRig, SourcePoses]:

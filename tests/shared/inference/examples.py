@@ -37,7 +37,7 @@ _JOINTS = [
 
 
 def humanoid(*, above: bool = False) -> Skeleton:
-    """Twelve joints; `above` puts a joint over the pelvis that is no part of the body."""
+    """Twelve joints; `above` puts a joint over the pelvis that is not a part of the body."""
     names, parents, offsets, tails, groups, sampled = (list(column) for column in zip(*_JOINTS, strict=True))
     if above:
         names, parents = ["place", *names], [-1, *(p + 1 for p in parents)]

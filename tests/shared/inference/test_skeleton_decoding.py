@@ -57,7 +57,7 @@ def test_another_rate_is_another_time(network):
 
 
 def test_the_solve_makes_points_stand_still_in_their_bones(network):
-    """True points of a motion, the pose of which a network knows but for jitter: the solve takes the jitter off."""
+    """True points of a motion, whose pose a network knows up to jitter: the solve removes the jitter."""
     skeleton = network.rig.skeleton
     truth = swinging(skeleton, 40, seed=3)
     rng = np.random.default_rng(0)

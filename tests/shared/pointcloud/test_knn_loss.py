@@ -115,7 +115,7 @@ def test_what_does_not_change_it(change):
 
 
 def test_neighbours_are_found_on_whole_trajectories():
-    """A point that is nearest in one frame, and far in the others, is no neighbour."""
+    """A point that is nearest in one frame, and far in the others, is not a neighbour."""
     source = torch.zeros(1, 4, 1, 3)
     near_once, near_always = torch.full((4, 3), 5.0), torch.full((4, 3), 0.2)
     near_once[0] = 0

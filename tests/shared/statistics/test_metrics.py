@@ -107,7 +107,7 @@ def test_npss_of_constant_features_is_zero_and_finite() -> None:
     flat, flat_weight = metrics.npss(np.zeros((32, 3)), np.zeros((32, 3)))
     assert flat == 0 and flat_weight == 0
     held = true.copy()
-    held[:, 2] = 0  # a held pose is no perfect one
+    held[:, 2] = 0  # a held pose is not a perfect one
     assert metrics.npss(held, true)[0] > 0
 
 

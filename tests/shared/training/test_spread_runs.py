@@ -43,7 +43,7 @@ def whole(clouds, tmp_path_factory):
 
 
 def assert_same_training(one, other):
-    """The same figures and weights, but for rounding."""
+    """The same figures and weights, except for rounding."""
     for mine, its in zip(figures_of(one), figures_of(other), strict=True):
         assert mine.pop("split") == its.pop("split")
         assert mine == pytest.approx(its, rel=1e-4)

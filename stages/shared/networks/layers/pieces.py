@@ -45,7 +45,7 @@ def in_pieces(
         rows: of a piece. If one covers all, `run` is called as it stands and autograd keeps what it likes,
             unless `checkpointing`: then even that piece is computed again.
         parts: tensors with the same first dimension. learnt: every other tensor that `run` reads and that gradients
-            should reach (parameters, or results of earlier layers): the very tensors, not views made anew.
+            should reach (parameters, or results of earlier layers): the very tensors, not views made again.
 
     Returns: what `run(*parts)` returns; gradients flow to the parts and to `learnt`.
     """

@@ -4,8 +4,8 @@ A point transformer sees each frame's cloud, a transformer with rotary positions
 variant that PUMPS compares with), and two linear layers give the pelvis' place and every seen bone's global rotation.
 
 What it can know: a cloud around a bone looks the same however the bone is rolled about its own axis, so that the
-roll of an arm or a shin is told only by what hangs on it at an angle (a foot on the shin, hips on the pelvis). Within
-one sequence the points' own turning tells how the roll *changes* (first-frame offsets, PC-MRL 3.3), which
+roll of an arm or a shin shows only in what hangs on it at an angle (a foot on the shin, hips on the pelvis). Within
+one sequence the points' own turning shows how the roll *changes* (first-frame offsets, PC-MRL 3.3), which
 `stages.shared.kinematics.foq` uses; how it *is* nobody can know from points. `skeleton_losses.roll_loss` keeps it
 near the rig's rest pose.
 """

@@ -39,7 +39,7 @@ class CloudDecoder(nn.Module):
     noise identity gives a K-vector, and the point is their product. It costs one small product for a point and a
     frame where the MLP costs thousands; `DecoderSizes.head` chooses.
 
-    What tells points apart is `DecoderSizes.identities` (PUMPS Table 2): noise as in the paper; the cells of a fixed
+    Points are told apart by `DecoderSizes.identities` (PUMPS Table 2): noise as in the paper; the cells of a fixed
     2D grid, as FoldingNet folds one; or draws from a Gaussian that each frame's feature gives, as a VAE's.
     """
 
@@ -98,7 +98,7 @@ class CloudDecoder(nn.Module):
         return self.head(frames, groups, noise).to(centroids.dtype) + centroids.unsqueeze(2)
 
     def divergence(self, frames: Tensor, groups: Tensor) -> Tensor:
-        """How far the points' codes are from N(0, 1), (B, T, P) nats; 0 but for `vae`."""
+        """How far the points' codes are from N(0, 1), (B, T, P) nats; 0 except for `vae`."""
         if isinstance(self.head, VariationalHead):
             return self.head.divergence(frames, groups)
         return frames.new_zeros(*frames.shape[:2], groups.shape[1])

@@ -35,7 +35,7 @@ def test_what_is_frozen_gets_no_gradient_and_what_was_forgotten_is_noticed():
     layer.bias.requires_grad_(False)
     in_pieces(layer, 2, [rows], list(layer.parameters())).sum().backward()
     assert layer.weight.grad is not None and layer.bias.grad is None
-    with pytest.raises(RuntimeError):  # a view made anew is not what `run` reads
+    with pytest.raises(RuntimeError):  # a view made again is not what `run` reads
         in_pieces(layer, 2, [rows], [layer.weight[:]]).sum().backward()
 
 
