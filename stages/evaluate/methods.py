@@ -13,7 +13,7 @@ import numpy as np
 
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
-from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.manifest import MANIFEST_NAME, open_artefact, sha256_of_file
 from data_schemas.skeleton import Motion
 from data_schemas.trainings import TrainingData, last_data
 from stages.evaluate.config import Config
@@ -27,7 +27,7 @@ from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRU
 from stages.shared.statistics.method_notes import MeasuredWeights
 from stages.shared.statistics.tasks import PREDICTION
 from stages.shared.statistics.windows import Task, Window
-from stages.shared.weights.shipped import parts_of, weights_folder
+from stages.shared.weights.shipped import CONFIDENCE_NAME, parts_of, weights_folder
 
 PARTS = ("ae", "lms", "train-ae", "train-lms")
 
@@ -67,8 +67,14 @@ class LoadedWeights:
 
     def facts(self) -> MeasuredWeights:
         """What the page says of them; the data are those of the synthesiser's last training."""
-        synthesiser = read_checkpoint(parts_of(weights_folder(self.source))[1], optimiser=False)
-        return MeasuredWeights(name=self.name, source=self.source, data=last_data(synthesiser.trainings))
+        folder = weights_folder(self.source)
+        synthesiser = read_checkpoint(parts_of(folder)[1], optimiser=False)
+        digests = {path.name: open_artefact(path).manifest.digest for path in self.artefacts()}
+        if (folder / CONFIDENCE_NAME).is_file():
+            digests["confidence"] = sha256_of_file(folder / CONFIDENCE_NAME)
+        return MeasuredWeights(
+            name=self.name, source=self.source, data=last_data(synthesiser.trainings), digests=digests
+        )
 
     def trained_on(self) -> list[TrainingData]:
         """The data of all trainings that its networks, and the weights that they started from, went through. Raises

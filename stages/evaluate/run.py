@@ -15,6 +15,7 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
+from data_schemas.version import code_digest
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
 from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
@@ -103,7 +104,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
     inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
     with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
-        draft.summary |= _counts(rows, plan) | facts.model_dump()
+        draft.summary |= _counts(rows, plan) | facts.model_dump() | {"code": code_digest()}
         write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, facts))
     where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
     lines = [*terminal_lines(found), *feel_lines(found), where]

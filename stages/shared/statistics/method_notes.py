@@ -11,13 +11,20 @@ from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD
 
 
 class MeasuredWeights(BaseModel):
-    """Weights that were measured: the method's name, where they came from, what they were last trained on."""
+    """Weights that were measured.
+
+    name:    the method's name.
+    source:  where they came from.
+    data:    what they were last trained on.
+    digests: SHA-256 of each of their parts: of the checkpoints' content, and of the file of their confidence.
+    """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
     name: str
     source: str
     data: TrainingData | None = None
+    digests: dict[str, str] = {}
 
 
 class MethodFacts(BaseModel):
