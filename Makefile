@@ -1,7 +1,7 @@
 # make demo        everything, on the clips that come with pumps: install, train for minutes, fill, measure, report
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
-#                  COMPARE='tiny' measures shipped weights beside those trained
+#                  COMPARE='tiny' measures and plays shipped weights beside those trained
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth

@@ -20,14 +20,14 @@ from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
 from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
-from stages.shared.inference.models import Models, load_weights, named_source
+from stages.shared.inference.models import Models, load_weights
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
 from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRUTH
 from stages.shared.statistics.method_notes import MeasuredWeights
 from stages.shared.statistics.tasks import PREDICTION
 from stages.shared.statistics.windows import Task, Window
-from stages.shared.weights.shipped import CONFIDENCE_NAME, parts_of, weights_folder
+from stages.shared.weights.shipped import CONFIDENCE_NAME, named_source, parts_of, weights_folder
 
 PARTS = ("ae", "lms", "train-ae", "train-lms")
 

@@ -20,7 +20,6 @@ from stages.evaluate import methods
 from stages.evaluate.config import Config
 from stages.evaluate.methods import window_seed, without_answers
 from stages.evaluate.run import run
-from stages.shared.inference.models import named_source
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import BASELINES, Poses
 from stages.shared.statistics.measurements import (
@@ -32,6 +31,7 @@ from stages.shared.statistics.measurements import (
     turned_vectors,
 )
 from stages.shared.statistics.windows import Window
+from stages.shared.weights.shipped import named_source
 from tests.shared.inference.examples import write_random_weights
 
 NAMES = ("world", "hips", "chest", "head", "arm.L", "arm.R", "leg.L", "leg.R", "twist")

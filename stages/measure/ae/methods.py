@@ -11,7 +11,8 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import UsageError
 from data_schemas.manifest import open_artefact
 from stages.measure.ae.config import Config
-from stages.shared.inference.models import Autoencoder, load_autoencoder, named_source
+from stages.shared.inference.models import Autoencoder, load_autoencoder
+from stages.shared.weights.shipped import named_source
 
 FULL = "the full method"
 # What is changed -> L_rec of PUMPS Table 2.

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from data_schemas.checkpoint import read_checkpoint
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.trainings import last_sentence
 from stages.shared.inference.confidence import Confidence, read_confidence
@@ -209,16 +209,6 @@ def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:
         wide_start = min(wide_start, int(keys[0]))
         wide_stop = max(wide_stop, int(keys[-1]) + 1)
     return wide_start, wide_stop
-
-
-def named_source(text: str) -> tuple[str, str]:
-    """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part."""
-    name, equals, source = text.partition("=")
-    if not equals:
-        return Path(text).name or text, text
-    if not name or not source:
-        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
-    return name, source
 
 
 def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:

@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from data_schemas.errors import UsageError
 from stages.registry import PIPELINE, Stage, stage_named
 from stages.shared.toml import parse_value, read_toml
+from stages.shared.weights.shipped import named_source
 
 Words = Mapping[str, tuple[str, ...]]
 _NAME = re.compile(r"\{([a-z-]+)\}")
@@ -138,11 +139,22 @@ class Recipe:
 
 
 def pipeline(words: Words) -> Recipe:
-    """The run of `make demo` and `make reproduce`: the registry's pipeline, each stage once."""
+    """The run of `make demo` and `make reproduce`: the registry's pipeline, each stage once.
+
+    Weights that are compared also fill the clips, and the page plays them beside those that were trained.
+    """
     nodes = {
         stage.name: Node(stage.name, stage, tuple(_places(stage.inputs, words)), after=stage.needs)
         for stage in PIPELINE
     }
+    for text in words.get("weights", ()):
+        name, source = named_source(text)
+        page, fill = nodes["report"], nodes["infill"]
+        compared = f"infill-{name}"
+        picked = [(key, place) for key, place in fill.inputs if key != "weights"]
+        nodes[compared] = Node(compared, fill.stage, (*picked, ("weights", source)), after=("data-pick",))
+        played = ("motions", f"{{clip}}/{name}={compared}/{{clip}}.bvh")
+        nodes["report"] = replace(page, inputs=(*page.inputs, played), after=(*page.after, compared))
     goals = {GOAL: Goal(nodes=("report", "decode"), show=("evaluate", "report"))}
     lists = {"clip": FileList(of="data-pick", files="data-pick/*.bvh")}
     return Recipe("", "tiny", DataNeeded(), nodes, goals, lists)

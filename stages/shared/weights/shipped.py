@@ -1,13 +1,13 @@
-"""The weights that come with the package: where they lie, which serve by default; what they are: `facts`.
+"""The weights that come with the package: where they lie, and which are the default; what they are: `facts`.
 
-Reads no file except for being there, so that help is made at once.
+It opens no file, only looks which are there, so that help is printed at once.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from data_schemas.errors import InputError
+from data_schemas.errors import InputError, UsageError
 
 SHIPPED = Path(__file__).resolve().parent
 # The first of these that is shipped is the default: free for any use before better but non-commercial ones.
@@ -26,7 +26,7 @@ def shipped_weights() -> list[str]:
 
 
 def default_weights() -> str:
-    """The weights that serve where none are named; the last resort's name where none are shipped."""
+    """The weights that are used where none are named: the first shipped one of `PREFERRED`, else its last name."""
     shipped = shipped_weights()
     return next((name for name in PREFERRED if name in shipped), PREFERRED[-1])
 
@@ -44,6 +44,19 @@ def weights_folder(name_or_path: str | Path) -> Path:
         f"There are no weights {name_or_path}: neither a folder with ae and lms, nor shipped ({shipped}).",
         "Give --weights a shipped name, or the run's folder that `pumps train` wrote into.",
     )
+
+
+def named_source(text: str) -> tuple[str, str]:
+    """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part.
+
+    Returns: the name and the source. Raises UsageError where a part is missing.
+    """
+    name, equals, source = text.partition("=")
+    if not equals:
+        return Path(text).name or text, text
+    if not name or not source:
+        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
+    return name, source
 
 
 def parts_of(folder: Path) -> tuple[Path, Path]:
