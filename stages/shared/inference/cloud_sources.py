@@ -1,8 +1,8 @@
-"""The clouds of a fill: points on the plain interpolation, and where the same points should be.
+"""The clouds of a fill: points on the plain interpolation, and the target positions of the same points.
 
-A `CloudSource` finds them: `SynthesisedClouds` fills a file, `ReconstructedClouds` and `TrueClouds` are given the
-true motion and serve measurements, `GivenLatents` decodes stored latents. The models see positions, body groups and
-times; which bone a point was drawn on stays here.
+A `CloudSource` finds them: `SynthesisedClouds` fills a file, `ReconstructedClouds` and `TrueClouds` use the true
+motion and are for measurements, `GivenLatents` decodes stored latents. The models get positions, body groups and
+times; they do not get the bone that a point was drawn on.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 
 
 class CloudAutoencoder(Protocol):
-    """What filling needs of an autoencoder. Times are real-valued model frames; points are metres in the world."""
+    """The interface that filling needs from an autoencoder. Times are real-valued model frames; points are metres in
+    the world."""
 
     @property
     def points(self) -> int:
-        """How many points the encoder was trained on."""
+        """Number of points that the encoder was trained on."""
         ...
 
     def encode(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
@@ -51,34 +52,35 @@ class CloudAutoencoder(Protocol):
 
 
 class CloudModels(Protocol):
-    """What filling needs of trained models."""
+    """The interface that filling needs from trained models."""
 
     @property
     def autoencoder(self) -> CloudAutoencoder: ...
 
     @property
     def confidence(self) -> Confidence | None:
-        """How far their corrections may be trusted; None where this was not learnt."""
+        """The confidence in their corrections; None if it was not calibrated."""
         ...
 
     @property
     def glide(self) -> Glide:
-        """How the plain interpolation that they were trained on goes on beyond the keys, seconds."""
+        """How the plain interpolation that they were trained on continues beyond the keys, seconds."""
         ...
 
     def synthesise(
         self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
     ) -> tuple[Tensor, Tensor]:
-        """Latents, centroids (read where known), (T,) True for keys, and those of the plain interpolation."""
+        """Latents and centroids (read in known frames only), (T,) True for keys, and latents and centroids of the
+        plain interpolation."""
         ...
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A clip to fill, as the models and the solve see it.
+    """A clip to fill, in the form that the models and the solve use.
 
-    tokens: the N times at which it is seen.
-    base:   the keys' plain interpolation at these times; at the keys it is the keys.
+    tokens: the N times at which it is sampled.
+    base:   the keys' plain interpolation at these times; at the keys it equals the keys.
     """
 
     tokens: Tokens
@@ -111,11 +113,11 @@ class Scene:
 class Drawing(NamedTuple):
     """How points are drawn.
 
-    points:  of the cloud that the solve follows.
-    sigma_m: their spread around the bones, metres.
-    views:   how often the networks see the clip, turned and mirrored, each time with points spread over the bones
-             again, as many as the encoder was trained on.
-    seed:    of the points' places and identities.
+    points:  number of points of the cloud that the solve follows.
+    sigma_m: spread of the points around the bones, metres.
+    views:   number of views of the clip that the networks encode, turned and mirrored; each has new points spread
+             over the bones, as many as the encoder was trained on.
+    seed:    seed of the points' positions and identities.
     """
 
     points: int
@@ -125,10 +127,10 @@ class Drawing(NamedTuple):
 
 
 class Clouds(NamedTuple):
-    """Where points should be and where the same points are on the base, and the bones they ride on.
+    """Target positions of points, positions of the same points on the base, and the bones they are bound to.
 
     points:    (N, P, 3) metres.
-    reference: (N, P, 3), or None where it is the bound points on the base themselves.
+    reference: (N, P, 3), or None if it equals the bound points on the base.
     binding:   the points' bones, found from positions and groups alone.
     """
 
@@ -138,31 +140,31 @@ class Clouds(NamedTuple):
 
 
 class CloudSource(Protocol):
-    """Finds the clouds of a scene. A source for each way to come by them."""
+    """Finds the clouds of a scene; there is one class for each way to compute them."""
 
     @property
     def exact(self) -> bool:
-        """True where the points have no error of their own."""
+        """True if the points have no error."""
         ...
 
     @property
     def glide(self) -> Glide | None:
-        """How the plain interpolation goes on beyond the keys, seconds; None for its usual way."""
+        """How the plain interpolation continues beyond the keys, seconds; None for the default."""
         ...
 
     @property
     def confidence(self) -> Confidence | None:
-        """How far the corrections that follow from these clouds may be trusted; None where this was not learnt."""
+        """The confidence in corrections that come from these clouds; None if it was not calibrated."""
         ...
 
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
-        """The cloud that the solve follows, and what it is compared with."""
+        """The cloud that the solve follows, and the reference that it is compared with."""
         ...
 
 
 @dataclass(frozen=True)
 class SynthesisedClouds:
-    """Clouds from trained models, which see the keys alone."""
+    """Clouds from trained models, which get only the keys."""
 
     models: CloudModels
     exact: bool = False
@@ -185,7 +187,7 @@ class SynthesisedClouds:
 
 @dataclass(frozen=True)
 class ReconstructedClouds:
-    """The true motion's clouds, encoded and decoded: what the autoencoder alone costs. For measurements."""
+    """The true motion's clouds, encoded and decoded, to measure the error of the autoencoder alone."""
 
     models: CloudModels
     truth: Motion
@@ -207,7 +209,7 @@ class ReconstructedClouds:
 
 @dataclass(frozen=True)
 class TrueClouds:
-    """Points on the true motion: what the solve alone costs. For measurements."""
+    """Points on the true motion, to measure the error of the solve alone."""
 
     truth: Motion
     exact: bool = True
@@ -224,7 +226,7 @@ class TrueClouds:
 
 @dataclass(frozen=True)
 class GivenLatents:
-    """Clouds decoded from latents that are given, one for each frame of a clip at 30 frames a second.
+    """Clouds decoded from given latents, one for each frame of a clip at 30 frames a second.
 
     They are compared with the decoded mean of the plain interpolation's latents over the views.
 
@@ -239,7 +241,7 @@ class GivenLatents:
     confidence: Confidence | None = None
 
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
-        """Raises UsageError where there is not one latent for each frame."""
+        """Raises UsageError if the number of latents is not the number of frames."""
         if scene.tokens.fps != MODEL_FPS or len(self.latents) != len(scene.tokens.times):
             raise UsageError(
                 f"{len(self.latents)} latents do not fit a clip at {scene.tokens.fps:g} frames a second that is seen "
@@ -255,26 +257,26 @@ class GivenLatents:
 
 
 class View(NamedTuple):
-    """A way to look at a clip: turned by `yaw` radians about the vertical, then mirrored left to right or not."""
+    """A view of a clip: turned by `yaw` radians about the vertical, then mirrored left to right or not."""
 
     yaw: float
     mirrored: bool
 
     def groups(self, groups: Tensor) -> Tensor:
-        """The body groups as seen."""
+        """The body groups in this view."""
         return torch.tensor(MIRRORED_GROUP, device=groups.device)[groups.long()] if self.mirrored else groups
 
     def encode(
         self, coder: CloudAutoencoder, pose: SkeletonPose, drawn: DrawnPoints, skeleton: Skeleton
     ) -> tuple[Tensor, Tensor]:
-        """Latents (T, D) and centroids (T, 3), as seen, of drawn points on a pose."""
+        """Latents (T, D) and centroids (T, 3), in this view, of drawn points on a pose."""
         points = turned(place_on_pose(drawn, pose, skeleton), torch.tensor(self.yaw))
         return coder.encode(self._sided(points), self.groups(drawn.groups))
 
     def decode(
         self, coder: CloudAutoencoder, given: tuple[Tensor, Tensor], times: Tensor, groups: Tensor, noise: Tensor
     ) -> Tensor:
-        """Points (T, P, 3), turned back, of latents and centroids as seen."""
+        """Points (T, P, 3), turned back to the world, of latents and centroids in this view."""
         made = coder.decode(*given, times, self.groups(groups), noise)
         return turned(self._sided(made), torch.tensor(-self.yaw))
 
@@ -309,13 +311,14 @@ def _decoded(
     better: Sequence[tuple[Tensor, Tensor]],
     plain: Sequence[tuple[Tensor, Tensor]],
 ) -> Clouds:
-    """Decode what each view says of the clip and of its plain interpolation.
+    """Decode each view's latents of the clip and of its plain interpolation.
 
-    The models have learnt every heading and both hands, so what each view says is as good, and its error is largely
-    its own. Each decodes its share of the points that are followed, so that the solve takes their mean.
+    The models were trained on all headings and on mirrored motion, so every view is equally good, and the errors of
+    the views are largely independent. Each view decodes its share of the followed points, so the solve takes their
+    mean.
 
     Args:
-        better, plain: latents (N, D) and centroids (N, 3) for each view, of where points should be and of the base.
+        better, plain: latents (N, D) and centroids (N, 3) for each view, of the target and of the base.
     """
     groups = _followed(scene, drawing).groups
     noise = coder.draw_noise(len(groups), drawing.seed)

@@ -1,4 +1,4 @@
-"""Where drawn points are in the poses of a skeleton."""
+"""Positions of drawn points in the poses of a skeleton."""
 
 from __future__ import annotations
 

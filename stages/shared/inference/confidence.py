@@ -1,9 +1,9 @@
-"""A learned confidence: how far to leave the plain interpolation, per frame and body group.
+"""A calibrated confidence: how much of a correction to apply, per frame and body group.
 
-A correction is multiplied by its trust, between 0 and 1. Trust is looked up by the length of the gap, the part of the
-body and how large the gap's corrections of that part are, and runs linearly from `edge` at the gap's keys to `middle`
-halfway between them. It is the factor that would have brought the joints of held-back motions nearest to their true
-places (least squares), fitted by `pumps weights calibrate`; without it corrections are shrunk by fixed floors
+A correction is multiplied by its trust, between 0 and 1. The table gives trust by the length of the gap, the body
+part and the size of the gap's corrections of that part; it changes linearly from `edge` at the gap's keys to `middle`
+halfway between them. `pumps weights calibrate` fits it as the factor that brings the joints of held-back motions
+nearest to their true positions (least squares). Without a table, corrections are shrunk by fixed floors
 (`FillOptions`).
 """
 
@@ -28,7 +28,7 @@ from stages.shared.weights.shipped import CONFIDENCE_NAME
 VERSION = 1
 GAP_EDGES = (7.0, 12.0, 20.0, 32.0, 48.0)  # model frames between the keys around a gap
 SIZE_EDGES = (0.02, 0.05, 0.1, 0.2)  # root mean square of a gap's corrections: radians; metres for the shift
-# What is trusted by itself: turns of the spine, of both arms, of both legs; and where the pelvis is.
+# Parts with a trust of their own: rotations of the spine, of both arms, of both legs; and the pelvis' position.
 PARTS = ("spine", "arms", "legs", "shift")
 PART_OF_GROUP = np.array([0, 1, 1, 2, 2])
 NODES = ("edge", "middle")
@@ -37,7 +37,7 @@ SHAPE = (len(GAP_EDGES) + 1, len(PARTS), len(SIZE_EDGES) + 1, len(NODES))
 
 @dataclass(frozen=True)
 class Confidence:
-    """trust: SHAPE, by gap, part, size and place in the gap, each between 0 and 1."""
+    """trust: SHAPE, by gap, part, size and position in the gap, each between 0 and 1."""
 
     trust: np.ndarray
 
@@ -48,8 +48,9 @@ class Confidence:
 
 
 class GapSizes(NamedTuple):
-    """What trust is looked up by: a gap's tokens, the bin of its length, those of each part's corrections (parts,),
-    and how deep in the gap each token is (n,), 0 at a key and 1 halfway between two, or at an end without a key."""
+    """The indices into the trust table: a gap's tokens, the bin of its length, the bins of each part's corrections
+    (parts,), and the depth of each token in the gap (n,), 0 at a key and 1 halfway between two, or at an end without
+    a key."""
 
     tokens: np.ndarray
     length_bin: int
@@ -58,7 +59,7 @@ class GapSizes(NamedTuple):
 
 
 def gap_sizes(tokens: Tokens, gap: np.ndarray, skeleton: Skeleton, corrections: Corrections) -> GapSizes:
-    """Measure one gap. Nothing of the truth is read."""
+    """Measure one gap, without the truth."""
     before = tokens.times[gap[0] - 1] if gap[0] > 0 else None
     after = tokens.times[gap[-1] + 1] if gap[-1] + 1 < len(tokens.times) else None
     times = tokens.times[gap]
@@ -77,7 +78,7 @@ def gap_sizes(tokens: Tokens, gap: np.ndarray, skeleton: Skeleton, corrections: 
 
 
 def part_joints(skeleton: Skeleton, corrections: Corrections) -> list[np.ndarray]:
-    """For each part that turns, its joints that are corrected at all."""
+    """For each part that rotates, its joints that are corrected."""
     seen = corrections.seen.cpu().numpy() & (skeleton.groups >= 0)
     part = PART_OF_GROUP[np.maximum(skeleton.groups, 0)]
     return [np.flatnonzero(seen & (part == number)) for number in range(len(PARTS) - 1)]
@@ -86,14 +87,14 @@ def part_joints(skeleton: Skeleton, corrections: Corrections) -> list[np.ndarray
 def trust_of(
     confidence: Confidence, tokens: Tokens, gap: np.ndarray, skeleton: Skeleton, corrections: Corrections
 ) -> tuple[Tensor, Tensor]:
-    """What to multiply a gap's corrections by: turns (n, J) and shifts (n,), float32, on their device."""
+    """The factors of a gap's corrections: turns (n, J) and shifts (n,), float32, on their device."""
     trust = confidence.of(gap_sizes(tokens, gap, skeleton, corrections)).to(corrections.turns)
     parts = torch.as_tensor(PART_OF_GROUP[np.maximum(skeleton.groups, 0)], device=trust.device)
     return trust[:, parts], trust[:, -1]
 
 
 def _root_mean_square(values: Tensor) -> float:
-    """Of vectors (..., 3); 0 where there are none."""
+    """Root mean square of vectors (..., 3); 0 if there are none."""
     return float(values.square().sum(-1).mean().sqrt()) if values.numel() else 0.0
 
 
@@ -105,7 +106,7 @@ def write_confidence(path: Path, confidence: Confidence, about: dict[str, object
 
 
 def read_confidence(folder: Path) -> Confidence | None:
-    """The confidence beside some weights; None where there is none. Raises InputError where it is damaged."""
+    """The confidence beside some weights; None if there is none. Raises InputError if it is damaged."""
     path = folder / CONFIDENCE_NAME
     if not path.is_file():
         return None

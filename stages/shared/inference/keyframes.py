@@ -1,4 +1,4 @@
-"""Which frames are given: `0,15,40`, `every:15`, slices such as `40:` and `10:20`, and mixtures of them."""
+"""Texts that name the given frames: `0,15,40`, `every:15`, slices such as `40:` and `10:20`, and mixtures of them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ _FORMS = "Write numbers and slices joined by commas, such as 0,15,40 or 0,10:20,
 
 
 def parse_keyframes(text: str, frames: int) -> np.ndarray:
-    """Frame numbers that a text names, sorted, each once.
+    """Frame numbers that a text names, sorted, without repetition.
 
     Args:
-        text: parts joined by commas or spaces. A number counts from 0, or from the end where it is negative. A slice
-            `first:stop` or `first:stop:step` leaves out `stop`. `every:n` is 0, n, 2n and so on, and the last frame.
-        frames: how many frames the clip has.
+        text: parts joined by commas or spaces. A number counts from 0, or from the end if it is negative. A slice
+            `first:stop` or `first:stop:step` does not include `stop`. `every:n` is 0, n, 2n and so on, and the last
+            frame.
+        frames: the clip's number of frames.
 
     Returns: (K,) int64, K >= 1.
-    Raises: UsageError where the text says nothing of this form, InputError where it names frames that are not there.
+    Raises: UsageError if the text has another form, InputError if it names frames that do not exist.
     """
     parts = [part for part in re.split(r"[,\s]+", text.strip()) if part]
     if not parts:
@@ -34,9 +35,9 @@ def parse_keyframes(text: str, frames: int) -> np.ndarray:
 
 
 def parse_transition(text: str, frames: int) -> np.ndarray:
-    """Frames that are given where a text `first:stop` names the missing ones; (K,) int64, sorted.
+    """Frames that are given if a text `first:stop` names the missing ones; (K,) int64, sorted.
 
-    Raises: UsageError for another form, InputError where the gap lies outside the clip or leaves no frame around it.
+    Raises: UsageError for another form, InputError if the gap is outside the clip or leaves no frame around it.
     """
     match = _SLICE.fullmatch(text.strip())
     if match is None or match[1] is None or match[2] is None or match[3] is not None:
@@ -85,5 +86,5 @@ def _frame(number: int, part: str, frames: int) -> int:
 
 
 def _stop(number: int, part: str, frames: int) -> int:
-    """One past a slice's last frame; beyond the clip's end is a mistake that should not pass in silence."""
+    """One past a slice's last frame; a number beyond the clip's end is an error."""
     return _frame(number - 1, part, frames) + 1 if number > 0 else _frame(number, part, frames)

@@ -1,4 +1,4 @@
-"""True clouds of held-out motion, to measure an autoencoder on: windows of a `tpc` artefact and draws of points."""
+"""True clouds of held-out motion, for measuring an autoencoder: windows of a `tpc` artefact and draws of points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from stages.shared.statistics.windows import Window, chosen_windows
 
 @dataclass(frozen=True)
 class MovingBones:
-    """A window of motion as the bones that points ride on.
+    """A window of motion, as the bones that points are bound to.
 
     row: the clip it is from. start: its first frame. heads (T, B, 3) metres, the window's mean root at the origin.
     rotations (T, B, 4) global xyzw. tails (B, 3), groups (B,) and weights (B,) as in `BoneSet`.
@@ -37,19 +37,19 @@ class MovingBones:
     weights: np.ndarray
 
     def seed(self, base: int) -> list[int]:
-        """Seeds a generator for this window's own draws, whatever else is measured."""
+        """Seeds a generator for this window's own draws, independent of other windows."""
         return [base, zlib.crc32(self.row.clip.encode("utf-8", "surrogateescape")), self.start]
 
     def cloud(self, drawn: DrawnPoints) -> Tensor:
-        """(T, P, 3) metres, where the points of a draw on these bones are."""
+        """(T, P, 3) metres, positions of the points of a draw on these bones."""
         return drawn.place(self.heads, self.rotations)
 
 
 def measured_windows(reader: TpcReader, splits: Sequence[str], frames: int, limit: int) -> list[MovingBones]:
     """Windows of `frames` frames of the rigid clips of some splits, at most `limit` (0: all that fit without overlap)
-    for each archive, spread evenly over its clips. An archive of which nothing was trained on counts as held out.
+    for each archive, spread evenly over its clips. An archive without training clips counts as held out.
 
-    Raises: InputError where there is none.
+    Raises: InputError if there is no such window.
     """
     trained = {archive_of(row) for row in reader.clips if row.split == "train"}
     held_out = {archive_of(row) for row in reader.clips} - trained if "test" in splits else set()
@@ -87,7 +87,7 @@ def _read(reader: TpcReader, window: Window) -> MovingBones:
 
 
 def bones_of_motion(row: ClipRow, start: int, skeleton: Skeleton, motion: Motion) -> MovingBones:
-    """The same of a motion on its skeleton: every sampled bone in proportion to its length."""
+    """The same for a motion on its skeleton; every sampled bone is weighted by its length."""
     heads = torch.from_numpy(positions_of(skeleton, motion))
     lengths = np.linalg.norm(skeleton.tails, axis=-1) * (skeleton.sampled & (skeleton.groups >= 0))
     return MovingBones(
@@ -107,7 +107,7 @@ def draw_on_window(window: MovingBones, points: int, rng: np.random.Generator, s
 
 
 def spread_on_window(window: MovingBones, points: int, rng: np.random.Generator, sigma_m: float) -> DrawnPoints:
-    """Points spread evenly over the window's bones (`spread_points`), from a place drawn at random."""
+    """Points spread evenly over the window's bones (`spread_points`), with a random start."""
     weights = torch.from_numpy(np.asarray(window.weights, np.float64))
     return _on_window(window, spread_points(weights, points, torch.tensor(rng.random())), sigma_m)
 

@@ -1,4 +1,5 @@
-"""Trained networks in use: finding weights, loading them, and running them with no care for windows or devices."""
+"""Trained networks in use: finding weights, loading them, and running them on clips of any length and on any
+device."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ _FRAMES_AT_ONCE = 512  # clouds encoded in one call: enough to be fast, few enou
 
 @dataclass(frozen=True)
 class Autoencoder:
-    """An encoder and decoder in use, with what they were trained on."""
+    """An encoder and decoder in use, with a record of their training data."""
 
     encoder: FrameEncoder
     decoder: CloudDecoder
@@ -44,7 +45,7 @@ class Autoencoder:
         Args:
             points: (T, P, 3) metres. groups: (P,) body groups.
 
-        Returns: latents (T, D), centroids (T, 3), on the device; each frame's follow from that frame alone.
+        Returns: latents (T, D), centroids (T, 3), on the device; each frame is encoded independently.
         """
         groups = groups.to(self.device)
         parts = []
@@ -55,11 +56,11 @@ class Autoencoder:
         return torch.cat([part[0] for part in parts]), torch.cat([part[1] for part in parts])
 
     def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
-        """Decode a clip of any length, by overlapping windows that are faded into each other.
+        """Decode a clip of any length, by overlapping windows that are blended.
 
         Args:
-            latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising, real-valued.
-            groups: (P,) body groups of the points to make. noise: (P, Z) their identities.
+            latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising, real-valued. groups: (P,)
+            body groups of the points to decode. noise: (P, Z) their identities.
 
         Returns: (T, P, 3) metres.
         """
@@ -91,7 +92,7 @@ class Autoencoder:
 
 @dataclass(frozen=True)
 class Models:
-    """All that filling needs."""
+    """An autoencoder, a synthesiser and their confidence, as filling needs them."""
 
     autoencoder: Autoencoder
     synthesiser: LatentSynthesiser
@@ -104,7 +105,7 @@ class Models:
 
     @property
     def glide(self) -> Glide:
-        """How the plain interpolation that they were trained on goes on beyond the keys, seconds."""
+        """How the plain interpolation that they were trained on continues beyond the keys, seconds."""
         sizes = self.synthesiser.sizes
         return Glide(sizes.glide_root_s, sizes.glide_turn_s)
 
@@ -129,18 +130,18 @@ class Models:
         times: Tensor,
         base: tuple[Tensor, Tensor] | None = None,
     ) -> tuple[Tensor, Tensor]:
-        """Fill the frames that are not known, of a clip of any length.
+        """Fill the unknown frames of a clip of any length.
 
-        Windows overlap and are faded into each other; each is widened to hold the keys at both ends of its gaps.
+        Windows overlap and are blended; each is widened to contain the keys at both ends of its gaps.
 
         Args:
-            latents: (T, D), read where known alone. centroids: (T, 3) metres. known: (T,) bool, at least one True.
+            latents: (T, D), read only in known frames. centroids: (T, 3) metres. known: (T,) bool, at least one True.
             times: (T,) model frames, rising, real-valued.
-            base: latents (T, D) and centroids (T, 3) of the skeleton's plain interpolation, which weights trained on
-                it need.
+            base: latents (T, D) and centroids (T, 3) of the skeleton's plain interpolation, for weights that were
+                trained on it.
 
         Returns: latents (T, D), centroids (T, 3).
-        Raises: InputError where these weights need a base and none is given.
+        Raises: InputError if these weights need a base and none is given.
         """
         if self.synthesiser.sizes.base == "skeleton" and base is None:
             raise InputError(
@@ -175,9 +176,9 @@ class Models:
 
 
 def overlapping_windows(frames: int, window: int) -> Iterator[tuple[int, int, Tensor]]:
-    """Windows over a clip, half overlapping, with weights that fade in and out where they overlap.
+    """Windows over a clip, half overlapping, with blending weights in the overlaps.
 
-    Yields: start, stop and (stop - start,) weights, all positive; where one window suffices its weights are one.
+    Yields: start, stop and (stop - start,) weights, all positive; a single window has weights of one.
     """
     if frames <= window:
         yield 0, frames, torch.ones(frames)
@@ -192,15 +193,15 @@ def overlapping_windows(frames: int, window: int) -> Iterator[tuple[int, int, Te
 
 
 def window_seams(frames: int, windows: Sequence[int]) -> np.ndarray:
-    """(K,) frames of a clip of `frames` frames on both sides of where a window of one of these lengths begins or ends
-    inside it: where a pop would be, if windows did not fade into each other."""
+    """(K,) frames of a clip of `frames` frames on both sides of each beginning or end of a window of one of these
+    lengths inside it. Windows that were not blended would cause jumps at these frames."""
     spans = [span for window in windows for span in overlapping_windows(frames, window)]
     inside = [edge for start, stop, _ in spans for edge in (start, stop) if 0 < edge < frames]
     return np.array(sorted({frame for edge in inside for frame in (edge - 1, edge)}), np.int64)
 
 
 def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:
-    """The window grown to the nearest keys outside it, so that no gap in it is cut off from a key it has."""
+    """The window extended to the nearest keys outside it, so that every gap in it keeps the keys at both its ends."""
     keys = torch.nonzero(known).squeeze(1)
     before, after = keys[keys <= start], keys[keys >= stop - 1]
     wide_start = int(before[-1]) if len(before) else start
@@ -212,7 +213,7 @@ def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:
 
 
 def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
-    """The encoder and decoder of a checkpoint artefact. Raises InputError where it is none."""
+    """The encoder and decoder of a checkpoint artefact. Raises InputError if the artefact is of another kind."""
     artefact = open_artefact(path, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
     if kept.config.get("network") != "autoencoder":
@@ -240,7 +241,7 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
 def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: bool = True) -> Models:
     """Weights by shipped name or folder, with the confidence beside them if wanted.
 
-    Raises: InputError where there are none, or the synthesiser was trained on another encoder.
+    Raises: InputError if there are none, or if the synthesiser was trained on another encoder.
     """
     folder = weights_folder(name_or_path)
     ae, lms = parts_of(folder)
@@ -267,7 +268,7 @@ def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: 
 
 
 def load_state(network: torch.nn.Module, weights: dict[str, np.ndarray], path: object) -> None:
-    """Give a network its weights by name. Raises InputError where they do not fit."""
+    """Load a network's weights by name. Raises InputError if they do not fit."""
     try:
         network.load_state_dict(
             {name: torch.from_numpy(np.array(value, np.float32)) for name, value in weights.items()}

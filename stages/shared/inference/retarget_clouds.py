@@ -1,8 +1,9 @@
-"""Retargeting by clouds: the moving body's points, in the other body's size, pull its joints to their places.
+"""Retargeting by clouds: points of the source body, scaled to the target body's size, are targets for its joints.
 
-Bones that turn alike (`stages.shared.humanoid.retargeting`) end in other places where two bodies are built
-differently: a hand that rests on the hip comes to float before it. Points that ride on answering places of answering
-bones say where every part of the body should be, and the solve finds the pose between both wishes.
+Bones with the same rotations (`stages.shared.humanoid.retargeting`) end at other positions if two bodies are built
+differently: a hand that rests on the hip may float in front of it. Points at corresponding positions on corresponding
+bones give target positions for every part of the body. The solve finds the pose that is the best compromise between
+these targets and the rotations.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from stages.shared.solve.binding import Binding
 from stages.shared.solve.skeleton_pose import pose_of_motion, replace_rows
 from stages.shared.solve.solving import SolveOptions, solve_pose
 
-# The turned bones are a good guess: leave them by little.
+# The turned bones are a good start: corrections are small.
 SIGMA_M = 0.05
 GENTLE = SolveOptions(point_noise_m=0.05, turn_prior_rad=0.2, shift_prior_m=0.05)
 
@@ -39,12 +40,13 @@ def pull_to_places(
     options: SolveOptions = GENTLE,
     device: torch.device | str = "cpu",
 ) -> Motion:
-    """The turned motion with hands, feet and what lies between drawn to where the source has them, in its own size.
+    """The turned motion with hands, feet and the bones between them moved to their positions in the source, scaled to
+    the target.
 
     Args:
         source, motion: the body that moves, T frames.
-        target: the body that is to move. turned: what turning its bones made of the motion.
-        points: how many to draw on the limbs.
+        target: the body that is to move. turned: the motion on the target from bone rotations alone.
+        points: number of points to draw on the limbs.
 
     Returns: T frames on the target.
     """
@@ -64,7 +66,7 @@ def pull_to_places(
 
 
 class _MatchedPoints(NamedTuple):
-    """P points on the limbs: the bone each rides on and its place in the bone's frame, on both bodies."""
+    """P points on the limbs: the bone of each and its position in the bone's frame, on both bodies."""
 
     source_bones: np.ndarray
     source_points: np.ndarray
@@ -80,8 +82,8 @@ def _answering_points(
     points: int,
     rng: np.random.Generator,
 ) -> _MatchedPoints:
-    """Points at the same share of the way down answering pieces, and at the same place around them in the pose that
-    both bodies share at the reference frame."""
+    """Points at the same share of the length of corresponding pieces, and at the same position around them in the
+    pose that both bodies share at the reference frame."""
     pieces = [piece for group in LIMBS for piece in match_limb(source, target, group)]
     lengths = np.array([bone_lengths(target, piece.target).sum() for piece in pieces])
     chosen, shares, around = draw_points(lengths, points, rng)
@@ -99,7 +101,7 @@ class _Along(NamedTuple):
 
 
 def _along(skeleton: Skeleton, pieces: list[tuple[int, ...]], chosen: np.ndarray, shares: np.ndarray) -> _Along:
-    """Where the shares of the way down some pieces lie."""
+    """Positions at the given shares of the length of some pieces."""
     bones, points = np.empty(len(chosen), np.int64), np.empty((len(chosen), 3))
     for row, (piece, share) in enumerate(zip(chosen, shares, strict=True)):
         lengths = bone_lengths(skeleton, pieces[piece])
@@ -112,7 +114,7 @@ def _along(skeleton: Skeleton, pieces: list[tuple[int, ...]], chosen: np.ndarray
 
 
 def _carried(skeleton: Skeleton, motion: Motion, bones: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(T, P, 3) points riding on bones."""
+    """(T, P, 3) positions of points bound to bones."""
     rotations = torch.as_tensor(motion.rotations[:, bones])
     moved = roma.quat_action(rotations, torch.as_tensor(points, dtype=torch.float32).expand(len(rotations), -1, 3))
     return positions_of(skeleton, motion)[:, bones] + moved.numpy()

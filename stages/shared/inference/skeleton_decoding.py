@@ -28,14 +28,15 @@ from stages.shared.solve.solving import SolveOptions, solve_pose
 
 # The network's pose is right to a few centimetres, and the points have no error of their own.
 FROM_NETWORK = SolveOptions(point_noise_m=0.03, turn_prior_rad=0.3, shift_prior_m=0.1)
-_WINDOWS_AT_ONCE, _FRAMES_AT_ONCE = 16, 512  # in one call: enough to be fast, few enough to stay in memory
+_WINDOWS_AT_ONCE, _FRAMES_AT_ONCE = 16, 512  # windows in one call: enough to be fast, few enough to stay in memory
 
 
 @dataclass(frozen=True)
 class RigNetwork:
     """A network in use, and the rig that it moves.
 
-    window: frames that it was trained on, and sees at once. points: of a cloud in training; any number will do.
+    window: frames of a training window, and of a window in use. points: of a cloud in training; any number can be
+    given.
     """
 
     network: SkeletonNetwork
@@ -48,11 +49,11 @@ class RigNetwork:
     device: torch.device
 
     def pose(self, points: Tensor, groups: Tensor, fps: float = MODEL_FPS) -> tuple[Tensor, Tensor]:
-        """The pose of the rig's body in every frame of a clip of any length, by windows faded into each other.
+        """The pose of the rig's body in every frame of a clip of any length, by windows that are blended.
 
         Args:
             points: (T, P, 3) metres. groups: (P,) body groups.
-            fps: of the clip; the network was trained at 30.
+            fps: frame rate of the clip; the network was trained at 30.
 
         Returns: pelvis (T, 3) metres and global rotations (T, B, 4) of the body's bones, on the CPU.
         """
@@ -75,7 +76,7 @@ class RigNetwork:
         return pelvis / weights[:, None], roma.quat_normalize(turns)
 
     def _see(self, points: Tensor, groups: Tensor) -> Seen:
-        """Every frame by itself, once: features (T, W), centroids (T, 3), yaw (T,), on the device."""
+        """Encode every frame once: features (T, W), centroids (T, 3), yaw (T,), on the device."""
         yaw = self.network.headings(points.unsqueeze(0).float(), groups.unsqueeze(0))[0]
         groups = groups.to(self.device).unsqueeze(0)
         parts = []
@@ -88,15 +89,15 @@ class RigNetwork:
 def decode_cloud(
     network: RigNetwork, points: Tensor | np.ndarray, groups: Tensor | np.ndarray, fps: float = 30.0
 ) -> Motion:
-    """The rig's motion that is most like a cloud.
+    """The rig's motion that is most similar to a cloud.
 
     Args:
-        points: (T, P, 3) metres, Y up; positions alone, of any skeleton or none.
+        points: (T, P, 3) metres, Y up; positions of points on any skeleton, or on none.
         groups: (P,) body groups 0 to 4.
         fps: frames a second.
 
-    Returns: T frames of `network.rig.skeleton`; joints that no point sees stay at rest.
-    Raises: InputError where the cloud is empty, not finite, or lacks its groups.
+    Returns: T frames of `network.rig.skeleton`; joints without points stay at rest.
+    Raises: InputError if the cloud is empty, is not finite, or has no groups.
     """
     points = torch.as_tensor(points, dtype=torch.float32)
     groups = torch.as_tensor(np.asarray(groups)).long()
@@ -113,10 +114,10 @@ def decode_cloud(
 def solve_from_network(
     network: RigNetwork, points: Tensor | np.ndarray, groups: Tensor | np.ndarray, fps: float = 30.0
 ) -> Motion:
-    """The network's motion, then the solve: points that ride on a bone are made to stand still in its frame.
+    """The network's motion, then the solve, which makes the points of a bone stand still in the bone's frame.
 
-    As `decode_cloud`, of which it takes off what varies from frame to frame; where on the bones the points ride, and
-    so what is wrong in every frame alike, is the network's word.
+    As `decode_cloud`, but without its errors that vary from frame to frame. The positions of the points on the bones
+    come from the network, so errors that are the same in every frame remain.
     """
     skeleton = network.rig.skeleton
     motion = decode_cloud(network, points, groups, fps)
@@ -134,7 +135,8 @@ def body_heads(rig: Rig, pelvis: Tensor, rotations: Tensor) -> Tensor:
 
 
 def load_rig_network(path: str | Path, device: str = "auto") -> RigNetwork:
-    """The network of a checkpoint that `pumps train skeleton` wrote. Raises InputError where it is none."""
+    """The network of a checkpoint that `pumps train skeleton` wrote. Raises InputError if the checkpoint is of
+    another kind."""
     artefact = open_artefact(path, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
     if kept.config.get("network") != "skeleton":

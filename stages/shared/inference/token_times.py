@@ -1,4 +1,4 @@
-"""The times at which a clip is seen by the models: 30 a second, and every key that matters at its exact time."""
+"""The times at which the models sample a clip: 30 a second, and every key beside a gap at its exact time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from stages.shared.kinematics.conventions import MODEL_FPS
 
-CLEARANCE = 0.5  # model frames; a 30 fps time nearer than this to a key gives way to it
+CLEARANCE = 0.5  # model frames; a 30 fps time nearer than this to a key is dropped
 SPREAD = 48
 
 
@@ -17,7 +17,7 @@ class Tokens:
     """Times of the N tokens of a clip.
 
     times:  (N,) float64, strictly rising, in model frames (30 a second) from the clip's frame 0.
-    is_key: (N,) bool, True where a known frame lies exactly there.
+    is_key: (N,) bool, True if a known frame has exactly this time.
     fps:    the clip's own rate.
     """
 
@@ -40,7 +40,7 @@ class Tokens:
         return [run for run in np.split(free, np.flatnonzero(np.diff(free) > 1) + 1) if len(run)]
 
     def spread(self) -> np.ndarray:
-        """Indices of some tokens, evenly over the clip: enough to see how points ride on bones."""
+        """Indices of some tokens, spread evenly over the clip: enough to find the bones of the points."""
         return np.unique(np.linspace(0, len(self.times) - 1, SPREAD).round().astype(np.int64))
 
 
@@ -48,7 +48,7 @@ def choose_tokens(keys: np.ndarray, frames: int, fps: float) -> Tokens:
     """Tokens of a clip whose known frames are `keys` (K,).
 
     Keys beside a missing frame, and the clip's first and last frame, are tokens at their exact times. Between them
-    come the times of a 30 fps clock: in a gap as they are, among known frames as the known frame nearest to each.
+    come the times of a 30 fps clock: in a gap unchanged, between known frames moved to the nearest known frame.
     """
     rate = MODEL_FPS / fps
     known = np.zeros(frames, bool)

@@ -1,7 +1,7 @@
-"""Which bone a point rides on, found from positions and body groups alone.
+"""The bone that each point moves with, found from positions and body groups alone.
 
-At the frames where the pose is known, a point that rides on a bone stands still in that bone's frame, and it lies
-near the bone. Both together choose the bone; how clear the choice is becomes the point's weight.
+In the frames with a known pose, a point on a bone stands still in that bone's frame and is near the bone. Both
+criteria together choose the bone. The point's weight states how certain the choice is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torch import Tensor
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
 
-MOST_FRAMES = 48  # more reference frames tell nothing new
+MOST_FRAMES = 48  # more reference frames add no information
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,9 @@ class Binding:
 
     joints:  (P,) long, the joint whose bone carries the point.
     in_bone: (P, 3) float32, the point in that joint's frame, metres.
-    weights: (P,) float32 in [0, 1], how clear it is that the point rides there.
-    wander:  (P,) float32, how far the point strays in its bone's frame over the reference frames (root mean square),
-             metres; NaN for points that no bone carries.
+    weights: (P,) float32 in [0, 1], certainty that the point is on this bone.
+    wander:  (P,) float32, how far the point moves in its bone's frame over the reference frames (root mean square),
+             metres; NaN for points without a bone.
     """
 
     joints: Tensor
@@ -48,14 +48,14 @@ def bind_points(
     """Tie every point to a sampled bone of its body group.
 
     Args:
-        points: (K, P, 3) at K >= 1 frames where the pose is known, metres.
+        points: (K, P, 3) at K >= 1 frames with a known pose, metres.
         groups: (P,) body group of every point.
         heads: (K, J, 3) joints' heads at those frames.
         rotations: (K, J, 4) joints' global rotations, xyzw.
-        still_m: how much a point is expected to wander in the frame of its own bone.
-        near_m: how far from the bone's line a point is expected to lie.
+        still_m: expected movement of a point in the frame of its own bone, metres.
+        near_m: expected distance of a point from the bone's line, metres.
 
-    Raises: InputError where the skeleton has no bone that a cloud can see.
+    Raises: InputError if the skeleton has no bone that carries points.
     """
     if len(points) > MOST_FRAMES:
         chosen = torch.linspace(0, len(points) - 1, MOST_FRAMES, device=points.device).round().long()
@@ -74,7 +74,7 @@ def bind_points(
         members = torch.nonzero(groups.long() == group).squeeze(-1)
         candidates = torch.nonzero(sampled & (bone_groups == group)).squeeze(-1)
         if len(members) == 0 or len(candidates) == 0:
-            continue  # a weight of zero: points of a group that the skeleton has no bone for say nothing
+            continue  # a weight of zero: points of a group without a bone in the skeleton are ignored
         frames = roma.unitquat_to_rotmat(rotations[:, candidates])  # (K, C, 3, 3)
         away = points[:, members, None] - heads[:, None, candidates]  # (K, M, C, 3)
         place = torch.einsum("kcij,kmci->kmcj", frames, away)

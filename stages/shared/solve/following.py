@@ -1,12 +1,13 @@
-"""Any cloud onto any skeleton: a moving cloud and a few keys of the skeleton's pose in, the whole motion out.
+"""Fits any skeleton to any cloud: from a moving cloud and a few known poses of the skeleton to the whole motion.
 
-    fit      the cloud's scale and place against the skeleton's, at the keys (for clouds of another body)
-    bind     which bone every point rides on, from positions and body groups at the keys
+    fit      the cloud's scale and position relative to the skeleton's, at the keys (for clouds of another body)
+    bind     the bone of every point, from positions and body groups at the keys
     solve    every frame's pose, starting from the keys' plain interpolation
-    smooth   as much as the corrections themselves turn out to need
-    keys     what is left of the corrections at the keys is spread over the gaps and taken off
+    smooth   by a strength that is estimated from the corrections themselves
+    keys     corrections that remain at the keys are spread over the gaps and subtracted
 
-Nothing is trained. The cloud may be true, decoded or noisy, of this body or of a larger one, and may lack groups.
+Nothing is trained. The cloud may be true, decoded or noisy, of this body or of a larger one, and some body groups may
+be missing.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion, repl
 from stages.shared.solve.smoothing import smooth_as_needed
 from stages.shared.solve.solving import Corrections, SolveOptions, solve_pose
 
-HUBER_NOISES = 3.5  # a point further off than so many times its noise on each axis is a stray
+HUBER_NOISES = 3.5  # a point whose distance is more than this multiple of its noise on each axis is an outlier
 LEAST_KEYS_FOR_NOISE = 3
 LEAST_FRAMES_TO_SMOOTH = 8
-JITTER_M = 0.004  # points that fit better than this bring no jitter of their own into the motion
-STILL_M = 0.01  # points that wander less than this on their bones are as good as still
+JITTER_M = 0.004  # points that fit better than this cause no jitter in the motion
+STILL_M = 0.01  # points that move less than this on their bones count as still
 
 
 @dataclass(frozen=True)
 class FollowOptions:
-    """How a cloud is followed.
+    """Options for following a cloud.
 
-    solve:  strength of the solve's prior; its `point_noise_m` is the least noise that is reckoned with.
-    scale:  the cloud's lengths over the skeleton's; None finds it from the keys; 1 also takes the cloud's place in
-            the world as the skeleton's.
-    smooth: False keeps every frame as it was solved.
+    solve:  strength of the solve's prior; its `point_noise_m` is the least noise that is assumed.
+    scale:  the cloud's lengths over the skeleton's; None finds it from the keys; 1 also uses the cloud's position in
+            the world for the skeleton.
+    smooth: False leaves every frame as solved.
     """
 
     solve: SolveOptions = field(default_factory=lambda: SolveOptions(point_noise_m=0.01, rigid_start=True))
@@ -57,11 +58,11 @@ class Followed:
     """A motion that follows a cloud.
 
     motion:     T frames; the keys are the given rows, value for value.
-    seen:       (J,) bool, joints that some point spoke for; all others keep the keys' plain interpolation.
+    seen:       (J,) bool, joints with points; all others keep the keys' plain interpolation.
     scale:      the cloud's lengths over the skeleton's.
-    noise_m:    how far points stray on their bones along each axis, metres, from the keys; NaN where these are too
-                few to tell.
-    residual_m: (T,) root mean square distance left between points and bones, metres, in the skeleton's size.
+    noise_m:    how far points move on their bones along each axis, metres, from the keys; NaN if there are too few
+                keys.
+    residual_m: (T,) root mean square distance that remains between points and bones, metres, in the skeleton's size.
     """
 
     motion: Motion
@@ -79,15 +80,15 @@ def follow_cloud(
     groups: Tensor,
     options: FollowOptions | None = None,
 ) -> Followed:
-    """The motion that a cloud shows, on the skeleton whose pose is known in some frames.
+    """The motion of a cloud, on a skeleton whose pose is known in some frames.
 
     Args:
-        motion: T frames, of which only the known are read.
+        motion: T frames, of which only the known ones are read.
         known: (T,) bool, at least one True.
         points: (T, P, 3) the cloud at the motion's frames, metres; on the device to compute on.
         groups: (P,) body group of each point.
 
-    Raises: UsageError where shapes disagree; InputError where no bone can be seen.
+    Raises: UsageError if shapes disagree; InputError if no bone has points.
     """
     options = options or FollowOptions()
     known = np.asarray(known, bool)
@@ -126,8 +127,8 @@ def follow_cloud(
 def _bound(
     points: Tensor, groups: Tensor, skeleton: Skeleton, heads: Tensor, rotations: Tensor
 ) -> tuple[Binding, float]:
-    """Points (K, P, 3) tied to bones, and their noise along each axis: where they are noisy, a point that wanders in
-    its bone's frame is no stranger than the others.
+    """Points (K, P, 3) tied to bones, and their noise along each axis: if all points are noisy, a point that moves in
+    its bone's frame is not an outlier.
     """
     binding = bind_points(points, groups, skeleton, heads, rotations)
     if len(points) < LEAST_KEYS_FOR_NOISE:
@@ -149,8 +150,8 @@ def _finished(
 ) -> tuple[Tensor, Tensor]:
     """Corrections smooth in time and zero at the keys, as `solve_pose` gives them.
 
-    Rotations are smoothed in the world: a joint's own turn makes up for what its parents' turns have too much, and to
-    smooth the one without the other would move all that hangs on both.
+    Rotations are smoothed in the world. A joint's rotation compensates for errors of its parents' rotations, so
+    smoothing one without the other would move all joints below.
     """
     skeleton, seen = base.skeleton, found.seen
     parents = skeleton.parents
@@ -161,7 +162,7 @@ def _finished(
         solved[:, seen] = _smooth_rotations(solved[:, seen])
         pelvis = heads[:, skeleton.root]
         shifts = _smooth(pelvis + shifts) - pelvis
-    # What is left at the keys is taken off, and off the gaps between them along a curve without kinks.
+    # Corrections that remain at the keys are subtracted, also in the gaps between them, along a curve without kinks.
     left = torch.zeros_like(found.turns[keys])
     left[:, seen] = turns_between(plain[keys], solved[keys])[:, seen]
     turns = interpolate_values(left, times[keys], times, smooth=1.0)
@@ -172,7 +173,7 @@ def _finished(
 
 
 def _smooth_rotations(rotations: Tensor) -> Tensor:
-    """Rotations (T, S, 4) smoothed along the path that their steps make in their own axes."""
+    """Rotations (T, S, 4) smoothed along the path of their steps, in their own axes."""
     steps = turns_between(rotations[:-1], rotations[1:])
     path = torch.cat([torch.zeros_like(steps[:1]), steps.cumsum(0)])
     return roma.quat_product(rotations, roma.rotvec_to_unitquat(_smooth(path) - path))

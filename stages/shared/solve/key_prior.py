@@ -1,7 +1,7 @@
-"""What the keys say of a rig's joints: how far, and about which axes, each of them turns at all.
+"""A prior from the keys: how far, and about which axes, each joint of a rig rotates.
 
-A hinge that bends about one axis in every key will not twist between them, and a twist joint that never moved will
-stay. Both show in the spread of a joint's rotations over the keys, and become the solve's prior.
+A hinge that bends about one axis in every key does not twist between them, and a twist joint that never moved does
+not move. The spread of a joint's rotations over the keys shows both, and becomes the solve's prior.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from stages.shared.kinematics.rotations import aligned_signs, turns_between
 
-OPEN_KEYS = 1.0  # that nothing is known counts as so many keys, beside the first
+OPEN_KEYS = 1.0  # weight of the uninformed prior, in keys, beside the first key
 
 
 def turn_prior(local: Tensor, open_rad: float, widening: float = 4.0) -> Tensor:
@@ -21,8 +21,8 @@ def turn_prior(local: Tensor, open_rad: float, widening: float = 4.0) -> Tensor:
     and of `open_rad`^2 in all axes, the latter with the weight of `OPEN_KEYS` keys; never wider than the latter.
 
     Args:
-        local: (K, J, 4) rotations at the keys in the parents' frames. With one key nothing is known.
-        open_rad: expected size of a correction where nothing is known.
+        local: (K, J, 4) rotations at the keys in the parents' frames. One key gives no information.
+        open_rad: expected size of a correction without information.
     """
     keys = len(local)
     open_cov = open_rad**2 * torch.eye(3, device=local.device)

@@ -1,4 +1,4 @@
-"""Where a solve may start when its base is far from the cloud: bones fitted rigidly to their own points."""
+"""A start for the solve if its base is far from the cloud: bones fitted rigidly to their own points."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from torch import Tensor
 
 from stages.shared.solve.solve_equations import Base, Chain, Pose, forward
 
-START_BELIEF = 0.01  # square metres: in a rigid start, four points at 5 cm say as much as the parent's turn
+START_BELIEF = 0.01  # square metres: four points at 5 cm have the weight of the parent's rotation
 
 
 def rigid_start(targets: Tensor, chain: Chain, base: Base) -> Pose:
-    """Each bone turned by the rigid fit of its own points (Kabsch), as far as they tell; else with its parent.
+    """Each bone turned by the rigid fit of its own points (Kabsch), as far as they determine it; otherwise with its
+    parent.
 
-    The body as a whole is fitted first, then bone after bone down the chain, each with a few points' worth of belief
-    in moving along with its parent.
+    The body as a whole is fitted first, then bone after bone down the chain, each with a prior, worth a few points,
+    of moving with its parent.
     """
     start = Pose(base.local, base.root)
     rotations, heads = forward(start, chain, base)

@@ -1,10 +1,11 @@
-"""How much larger than the skeleton the body of a cloud is, and where it stands, from frames whose pose is known.
+"""The scale of a cloud's body relative to the skeleton, and its position, from frames with a known pose.
 
-    cloud point at key k  =  scale * (head of its bone) + (rotation of its bone) (its place there) + shift k
+    cloud point at key k  =  scale * (head of its bone) + (rotation of its bone) (its position there) + shift k
 
-Two things tell the scale. How far the cloud spreads, against how far points drawn on the skeleton would spread in the
-same pose: a few per cent, from a single key. And how points move from key to key when their bones turn, which no draw
-of the points can blur: exact, where the keys differ enough.
+The scale is estimated from two quantities. The first is the spread of the cloud, compared with the spread of points
+drawn on the skeleton in the same pose; its error is a few per cent, with a single key. The second is the movement of
+points from key to key when their bones turn, which does not depend on the draw of the points; it is exact if the keys
+differ enough.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from stages.shared.kinematics.plain_interpolation import interpolate_values
 from stages.shared.solve.binding import MOST_FRAMES, bind_points
 
 SPREAD_TRUST = 0.03  # relative error of the scale from the spread alone
-POINT_TRUST_M = 0.02  # how far points may stray on their bones, where motion gives the scale
-REFITS = 3  # bindings, each with the scale that the one before gave
-SHIFT_BELIEF = 1e-3  # share of a point's evidence that the cloud's middle is the drawn points' middle
+POINT_TRUST_M = 0.02  # how far points may move on their bones, if motion gives the scale
+REFITS = 3  # number of bindings; each uses the scale from the one before
+SHIFT_BELIEF = 1e-3  # weight of the assumption that the cloud's centroid is the drawn points' centroid, in points
 SIGMA_M = 0.05  # expected spread of points around their bones
 
 
@@ -35,7 +36,7 @@ class CloudFit(NamedTuple):
     shifts: Tensor
 
     def to_skeleton(self, points: Tensor, times: Tensor, key_times: Tensor) -> Tensor:
-        """Points (T, P, 3) in the skeleton's size and place; shifts run in lines between keys."""
+        """Points (T, P, 3) in the skeleton's size and position; shifts are linear between keys."""
         shifts = interpolate_values(self.shifts, key_times, times)
         return (points - shifts.unsqueeze(1)) / self.scale
 
@@ -49,14 +50,14 @@ def fit_cloud(
     *,
     scale: float | None = None,
 ) -> CloudFit:
-    """The scale and place of a cloud's body against a skeleton's.
+    """The scale and position of a cloud's body relative to a skeleton.
 
     Args:
         points: (K, P, 3) the cloud at K >= 1 keys, metres. groups: (P,).
         heads: (K, J, 3), rotations: (K, J, 4) the skeleton's pose at these keys, global.
-        scale: the scale, where it is known: then only the shifts are found.
+        scale: the scale, if it is known; then only the shifts are found.
 
-    Raises: InputError where the cloud and the skeleton share no body group.
+    Raises: InputError if the cloud and the skeleton share no body group.
     """
     expected = _expected(groups, skeleton, heads, rotations)
     middle = (expected.weights[:, None] * points).sum(1)
@@ -79,8 +80,8 @@ def fit_cloud(
 
 
 def spread_scale(points: Tensor, groups: Tensor, skeleton: Skeleton, heads: Tensor, rotations: Tensor) -> float:
-    """The scale from the spread of the cloud alone, where no motion gives it: root mean square distance from its
-    middle, over what points drawn on the skeleton would have in the same poses. Arguments as for `fit_cloud`.
+    """The scale from the spread of the cloud alone, if no motion gives it: the root mean square distance from its
+    centroid, divided by that of points drawn on the skeleton in the same poses. Arguments as for `fit_cloud`.
     """
     expected = _expected(groups, skeleton, heads, rotations)
     middle = (expected.weights[:, None] * points).sum(1, keepdim=True)
@@ -89,7 +90,7 @@ def spread_scale(points: Tensor, groups: Tensor, skeleton: Skeleton, heads: Tens
 
 
 class _Expected(NamedTuple):
-    """Of points drawn on the skeleton, as many of each body group as the cloud has: their middle (K, 3) and mean
+    """Centroid (K, 3) of points drawn on the skeleton, as many of each body group as the cloud has, and their mean
     squared distance from it. weights: (P,) of the cloud's points, zero in groups that the skeleton lacks.
     """
 
@@ -125,10 +126,11 @@ def _expected(groups: Tensor, skeleton: Skeleton, heads: Tensor, rotations: Tens
 def _refined(
     points: Tensor, bones: Tensor, turned: Tensor, weight: Tensor, first: float, *, fixed: bool
 ) -> tuple[float, Tensor]:
-    """The scale and the points' places (P, 3) in their bones, by least squares.
+    """The scale and the points' positions (P, 3) in their bones, by least squares.
 
-    Once shifts and places have explained of the points (K, P, 3) and of the bones' heads (K, P, 3) what they can, the
-    scale is how much of the heads' remaining motion is in the points'. `first` counts as one more observation.
+    Shifts and positions are eliminated from the points (K, P, 3) and from the bones' heads (K, P, 3). The scale is
+    the regression of the points' remaining motion on the heads' remaining motion. `first` counts as one more
+    observation.
     """
     moving, heads_shift = _unexplained(bones, turned, weight)
     seen, points_shift = _unexplained(points, turned, weight)
@@ -140,9 +142,10 @@ def _refined(
 
 
 def _unexplained(field: Tensor, turned: Tensor, weight: Tensor) -> tuple[Tensor, Tensor]:
-    """What a shift (K, 3) of each key and a still place of each point in its bone leave of (K, P, 3), and the shifts.
+    """The residual of (K, P, 3) after a shift (K, 3) of each key and a fixed position of each point in its bone, and
+    the shifts.
 
-    Places are means over keys of what the bones see, so that the shifts alone are left to solve for.
+    Positions are means over keys in the bones' frames, so only the shifts must be solved for.
     """
     keys = len(field)
 

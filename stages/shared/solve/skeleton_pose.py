@@ -1,4 +1,4 @@
-"""Frames of a skeleton's pose: the one type that filling, the solve, easing and foot lock take and give back.
+"""Frames of a skeleton's pose: the type that filling, the solve, easing and foot lock take and return.
 
 A motion from a file becomes a pose once (`SkeletonPose.of_motion`) and a motion again once (`SkeletonPose.motion`).
 """
@@ -23,15 +23,14 @@ from stages.shared.kinematics.rotations import signs_after_given
 class SkeletonPose:
     """T frames of a skeleton, float32.
 
-    A pose is held by its joints' rotations in one of two forms, global or local; the other form is computed from it
-    when it is asked for, and then kept.
+    A pose stores its joints' rotations in one of two forms, global or local. The other form is computed on first use
+    and then kept.
 
-    skeleton:     whose J joints they are.
+    skeleton:     the skeleton with its J joints.
     held:         (T, J, 4) rotations, xyzw.
     is_global:    True where `held` are global rotations; False where they are in the parents' frames.
     roots:        (T, 3) joint 0 in the world, metres.
-    offsets:      (T, J, 3) joints' heads in their parents' frames, metres; (J, 3) where no joint but joint 0 moves
-                  its head.
+    offsets:      (T, J, 3) joints' heads in their parents' frames, metres; (J, 3) if no head except joint 0's moves.
     track_joints: (K,) joints whose offsets vary over time.
     """
 
@@ -44,7 +43,7 @@ class SkeletonPose:
 
     @classmethod
     def of_motion(cls, skeleton: Skeleton, motion: Motion, device: torch.device | str = "cpu") -> SkeletonPose:
-        """All frames of a motion, held by its own global rotations."""
+        """All frames of a motion, stored as its own global rotations."""
         held = torch.as_tensor(np.ascontiguousarray(motion.rotations), dtype=torch.float32)
         roots = torch.as_tensor(np.ascontiguousarray(motion.root_positions), dtype=torch.float32)
         offsets = offsets_over_time(skeleton, motion)
@@ -94,12 +93,12 @@ class SkeletonPose:
         return torch.as_tensor(self.track_joints, dtype=torch.long, device=self.roots.device)
 
     def by_local(self) -> SkeletonPose:
-        """The same frames held by their local rotations. Global ones are then computed along the chains, as the solve
-        computes them, and differ by rounding from those that were held before."""
+        """The same frames stored as local rotations. Global rotations are then computed along the chains, as in the
+        solve, and differ by rounding from those stored before."""
         return replace(self, held=self.local, is_global=False)
 
     def with_local(self, local: Tensor, roots: Tensor, offsets: Tensor) -> SkeletonPose:
-        """Other frames of the same skeleton, held by local rotations (T, J, 4)."""
+        """Other frames of the same skeleton, stored as local rotations (T, J, 4)."""
         return replace(self, held=local, is_global=False, roots=roots, offsets=offsets)
 
     def rows(self, index: Tensor | np.ndarray | slice) -> SkeletonPose:
@@ -117,8 +116,8 @@ class SkeletonPose:
     def at(
         self, key_times: Tensor, times: Tensor, smooth: Smoothness = 0.0, glide: Glide | None = None
     ) -> SkeletonPose:
-        """This pose's frames taken as keys, interpolated plainly to other times, and beyond the keys as `glide` has
-        it, in their unit."""
+        """The plain interpolation of this pose's frames, used as keys, at other times; `glide` sets how it continues
+        beyond the keys, in their unit."""
         return self.with_local(*interpolate_pose(*self.parts, key_times, times, smooth=smooth, glide=glide))
 
     def corrected(self, turns: Tensor, shifts: Tensor) -> SkeletonPose:
@@ -126,8 +125,8 @@ class SkeletonPose:
 
         Args:
             turns: (T, J, 3) rotation vectors, radians.
-            shifts: (T, 3) metres. They go to the pelvis where it is one of `track_joints`, else to joint 0, above
-                which nothing moves.
+            shifts: (T, 3) metres. They are added to the pelvis if it is one of `track_joints`, otherwise to joint 0,
+                above which nothing moves.
         """
         skeleton, root = self.skeleton, self.skeleton.root
         local = roma.quat_product(self.local, roma.rotvec_to_unitquat(turns))
@@ -140,10 +139,10 @@ class SkeletonPose:
         return self.with_local(local, self.roots, offsets)
 
     def with_rows(self, rows: np.ndarray, others: SkeletonPose) -> SkeletonPose:
-        """The same frames, of which `rows` (M,) come from the M frames of `others`; all else stays value for value.
+        """The same frames, of which `rows` (M,) come from the M frames of `others`; all other values stay the same.
 
-        The result is held by global rotations on this pose's device. Those from `others` agree in sign with the frame
-        before them; offsets of joints that are none of `track_joints` stay this pose's own.
+        The result is stored as global rotations on this pose's device. Those from `others` agree in sign with the
+        frame before them; offsets of joints that are not in `track_joints` stay this pose's own.
         """
         others = others.to(self.roots.device)
         rotations, roots, offsets = self.rotations.clone(), self.roots.clone(), self.offsets
@@ -159,10 +158,10 @@ class SkeletonPose:
 
 
 def pose_of_motion(skeleton: Skeleton, motion: Motion, device: torch.device | str = "cpu") -> SkeletonPose:
-    """All frames of a motion, held by their local rotations."""
+    """All frames of a motion, stored as local rotations."""
     return SkeletonPose.of_motion(skeleton, motion).by_local().to(device)
 
 
 def replace_rows(skeleton: Skeleton, motion: Motion, pose: SkeletonPose, rows: np.ndarray) -> Motion:
-    """A motion of as many frames: `rows` come from `pose`, the others are the motion's own, value for value."""
+    """A motion with the same number of frames: `rows` come from `pose`, the others are copied from the motion."""
     return SkeletonPose.of_motion(skeleton, motion).with_rows(rows, pose).motion(motion.fps)

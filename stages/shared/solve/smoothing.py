@@ -32,7 +32,7 @@ def smooth_corrections(
         times: (N,) strictly rising.
         pinned: (N,) True where the correction is zero and stays so.
         span: in units of the times; 0 gives `values` back.
-        weights: (N,) how much it counts that a value is met; the time that it stands for by default.
+        weights: (N,) weight of each value; by default the time that it represents.
 
     Returns: (N, F) float64, exactly zero where pinned.
     """
@@ -83,15 +83,15 @@ def _rates_to_bends(steps: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def smooth_as_needed(curves: np.ndarray, *, together: int = 3) -> np.ndarray:
-    """Curves smoothed so far that each would best foretell a frame that it was not shown.
+    """Curves smoothed with the strength that best predicts frames that are left out.
 
     The strength is found by generalised cross-validation (Craven and Wahba 1979): on evenly spaced frames Whittaker's
     smoother is diagonal in the cosine transform (Garcia 2010), so that trying all of `SPANS` costs one transform.
-    Noise that is fresh in every frame is told apart from motion and removed; a drift is not.
+    Noise that is independent in every frame is removed; a drift is not.
 
     Args:
         curves: (N, F) at frames 1 apart, N >= 3.
-        together: so many neighbouring columns, a joint's axes, are smoothed alike.
+        together: number of neighbouring columns, a joint's axes, that are smoothed with the same strength.
 
     Returns: (N, F) float64.
     """

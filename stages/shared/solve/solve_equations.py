@@ -1,4 +1,4 @@
-"""The solve's normal equations: what the points and the prior say of every joint's turn, from moments of subtrees.
+"""The solve's normal equations for every joint's turn, from the points and the prior, by moments of subtrees.
 
 Every point is bound to a bone. A point moves by `omega x (p - head)` when a joint above it turns by `omega`, so that
 the equations need only the points' weights, first and second moments summed over each joint's subtree: the cost of a
@@ -18,23 +18,23 @@ from torch import Tensor
 from stages.shared.kinematics.forward import global_rotations, joint_positions
 from stages.shared.solve.binding import Binding
 
-REFERENCE_POINTS = 256  # the evidence of a cloud counts as if it had this many points, whatever it has
+REFERENCE_POINTS = 256  # the weight of a cloud is that of this many points, whatever its number of points
 MOMENTS = (1, 3, 9, 3, 3)  # widths of a bone's sums of w, w p, w p p', w e and w p x e
 
 
 @dataclass(frozen=True)
 class SolveOptions:
-    """How far the points are believed against the base pose.
+    """Weights of the points against the base pose.
 
-    point_noise_m:  expected distance of a point from where its bone carries it, metres.
+    point_noise_m:  expected distance of a point from its position on its bone, metres.
     huber_m:        residuals beyond this pull with a constant force, metres.
     turn_prior_rad: expected size of a joint's correction, radians.
     shift_prior_m:  expected size of the pelvis' correction, metres.
     iterations:     the most Gauss-Newton steps of a frame.
-    slack_m:        how far the points of a bone may be off together, metres: 0 where the cloud is of this very body,
-                    about a tenth of a metre where it is of another.
-    rigid_start:    also try to start from each bone's rigid fit to its points, and take the better start of each
-                    frame: for bases that may be far from the cloud, such as a single held key.
+    slack_m:        common offset that the points of a bone may have, metres: 0 if the cloud is of this body, about a
+                    tenth of a metre if it is of another.
+    rigid_start:    also try each bone's rigid fit to its points as a start, and use the better start in each frame;
+                    for bases that may be far from the cloud, such as a single held key.
     """
 
     point_noise_m: float = 0.06
@@ -47,17 +47,17 @@ class SolveOptions:
 
 
 class Chain(NamedTuple):
-    """The joints to solve (A of them, the pelvis first) and how they hang together."""
+    """The A joints to solve, the pelvis first, and their hierarchy."""
 
     joints: Tensor  # (A,) index into the skeleton
     levels: list[tuple[Tensor, Tensor]]  # children and their parents, index into the chain, one level at a time
-    riding: Tensor  # (A, P) float32, 1 where the point rides on the joint's own bone
+    riding: Tensor  # (A, P) float32, 1 if the point is bound to the joint's own bone
     below: Tensor  # (A, A) float32, 1 where the second joint is the first or one of its descendants
     upper: Tensor  # (N,) pairs of a joint ...
     lower: Tensor  # (N,) ... and itself or a descendant
     bones: Tensor  # (P,) each point's bone, index into the chain
     in_bone: Tensor  # (P, 3)
-    weights: Tensor  # (P,) in units of 1 / metres^2, of all points together as many as REFERENCE_POINTS
+    weights: Tensor  # (P,) in units of 1 / metres^2; the sum over all points is that of REFERENCE_POINTS
     prior: Tensor  # (A, 3, 3) precision of each joint's turn in its own axes, 1 / radians^2
     prior_matrix: Tensor  # (3 + 3A, 3 + 3A) the prior's part of the normal matrix
 
@@ -182,7 +182,7 @@ def misfit(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: Solve
 
 
 def _robust(distance: Tensor, chain: Chain, options: SolveOptions) -> Tensor:
-    """(T,) Huber's cost of the points' distances (T, P) from where they should be."""
+    """(T,) Huber's cost of the points' distances (T, P) from their targets."""
     inside = distance.clamp(max=options.huber_m)
     return (chain.weights * inside * (distance - inside / 2)).sum(-1)
 
@@ -191,7 +191,7 @@ def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: So
     """The equations of all frames about a pose; `targets` (T, P, 3), metres."""
     rotations, heads = forward(pose, chain, base)
     arms = (rotations[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
-    # Around the pelvis, so that float32 loses nothing where the motion is far from the origin.
+    # Relative to the pelvis, so that float32 is precise enough if the motion is far from the origin.
     centre = pose.root.unsqueeze(1)
     points = heads[:, chain.bones] - centre + arms
     heads = heads - centre
@@ -239,8 +239,8 @@ def _prior_matrix(prior: Tensor, options: SolveOptions) -> Tensor:
 
 
 def _without_common_shift(moments: Tensor, looseness: float) -> tuple[Tensor, Tensor]:
-    """Bones' moments (T, A, 19) once a shift of each bone's points, of precision `looseness`, is solved for and
-    eliminated, and the cost (T,) that this saves. A shift solved for leaves weights diag(w) - w w' / (sum w + it).
+    """Bones' moments (T, A, 19) after elimination of a shift of each bone's points, of precision `looseness`, and the
+    cost (T,) that this saves. Eliminating a shift leaves weights diag(w) - w w' / (sum w + looseness).
     """
     mass, first, second, force, torque = moments.split(MOMENTS, dim=-1)
     share = 1 / (mass + looseness)
@@ -259,8 +259,8 @@ def _without_common_shift(moments: Tensor, looseness: float) -> tuple[Tensor, Te
 def _evidence(mass: Tensor, first: Tensor, second: Tensor, heads: Tensor, rotations: Tensor, chain: Chain) -> Tensor:
     """The points' part of the normal matrix, (T, 3 + 3A, 3 + 3A), from subtree moments (T, A, ...).
 
-    For a joint i and its descendant j only the points below j count: the block is the sum of
-    `(a . b) I - b a'` with a = p - head_i and b = p - head_j, turned into both joints' own axes.
+    For a joint i and its descendant j only the points below j contribute: the block is the sum of `(a . b) I - b a'`
+    with a = p - head_i and b = p - head_j, turned into both joints' own axes.
     """
     frames, joints = mass.shape[:2]
     upper, lower = chain.upper, chain.lower
@@ -279,7 +279,7 @@ def _evidence(mass: Tensor, first: Tensor, second: Tensor, heads: Tensor, rotati
     full = mass.new_zeros(frames, joints + 1, joints + 1, 3, 3)
     full[:, upper + 1, lower + 1] = block
     full[:, lower + 1, upper + 1] = block.transpose(-1, -2)
-    # The shift moves every point alike: against turn_i it gives -sum [a]x.
+    # The shift moves every point by the same vector: against turn_i it gives -sum [a]x.
     against = -_cross_matrix(first - mass * heads) @ rotations
     full[:, 0, 1:] = against
     full[:, 1:, 0] = against.transpose(-1, -2)

@@ -1,12 +1,13 @@
 """From a moving cloud to a pose: damped Gauss-Newton on the joints' rotations, all frames at once (DESIGN 6.6).
 
 Every point is bound to a bone (`stages.shared.solve.binding`). The unknowns of a frame are a rotation vector for
-every joint that a point sees, in the joint's own frame after its base rotation, and a shift of the pelvis
-(`stages.shared.solve.solve_equations`). A prior pulls every correction to zero: what no point sees stays at the base
-pose, and what is seen badly moves little. Huber weights keep stray points from pulling a limb away.
+every joint that moves a point, in the joint's own frame after its base rotation, and a shift of the pelvis
+(`stages.shared.solve.solve_equations`). A prior pulls every correction to zero: joints without points stay at the
+base pose, and joints that the points determine badly move little. Huber weights keep outliers from pulling a limb
+away.
 
 A cloud of another body does not fit the skeleton's bone lengths. Then every bone's points may be off by a common
-shift of their own (`SolveOptions.slack_m`): what is left to follow is how the bone turns, not where it is.
+shift of their own (`SolveOptions.slack_m`): then only the bone's rotation is fitted, not its position.
 """
 
 from __future__ import annotations
@@ -37,16 +38,16 @@ __all__ = ["Corrections", "SolveOptions", "solve_pose"]
 
 CHUNK_FRAMES = 512  # frames solved together; bounds the memory of a long clip
 SETTLED = 1e-4  # radians and metres; a frame whose step is below this is done
-FEWER = 0.8  # where less than this share of the frames still moves, the others are left out
+FEWER = 0.8  # if less than this share of the frames still moves, the others are left out
 
 
 class Corrections(NamedTuple):
-    """What the solve adds to a base pose.
+    """Corrections that the solve adds to a base pose.
 
-    turns:    (T, J, 3) rotation vectors, radians: local rotation = base * exp(turn). Zero where nothing is seen.
+    turns:    (T, J, 3) rotation vectors, radians: local rotation = base * exp(turn). Zero for joints without points.
     shifts:   (T, 3) of the pelvis in the world, metres.
-    seen:     (J,) bool, True for joints that some point's bone hangs on.
-    residual: (T,) weighted root mean square distance that is left between points and targets, metres.
+    seen:     (J,) bool, True for joints at or above the bone of some point.
+    residual: (T,) weighted root mean square distance that remains between points and targets, metres.
     """
 
     turns: Tensor
@@ -66,19 +67,19 @@ def solve_pose(
     options: SolveOptions | None = None,
     turn_prior: Tensor | None = None,
 ) -> Corrections:
-    """Corrections to a base pose that carry the bound points to their targets.
+    """Corrections to a base pose that move the bound points to their targets.
 
     Args:
-        targets: (T, P, 3) where the points should be, metres.
-        binding: the bone of every point and its place in the bone's frame.
+        targets: (T, P, 3) target positions of the points, metres.
+        binding: the bone of every point and its position in the bone's frame.
         local: (T, J, 4) base rotations in the parents' frames, unit quaternions xyzw.
         roots: (T, 3) base positions of joint 0.
         offsets: (T, J, 3) or (J, 3) joints' heads in their parents' frames.
         parents: (J,), parents before children.
-        root: the pelvis; joints above it stay as they are.
+        root: the pelvis; joints above it do not move.
         options: strength of the prior and the like.
-        turn_prior: (J, 3, 3) precision of every joint's turn in its own axes, 1 / radians^2, where more is known than
-            `options.turn_prior_rad` says (`stages.shared.solve.key_prior`).
+        turn_prior: (J, 3, 3) precision of every joint's turn in its own axes, 1 / radians^2, if more is known than
+            `options.turn_prior_rad` (`stages.shared.solve.key_prior`).
 
     Returns: Corrections, float32. Bones outside the pelvis' subtree are not solved.
     """
@@ -102,7 +103,7 @@ def solve_pose(
 
 
 def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptions) -> tuple[Pose, Tensor]:
-    """Levenberg's damping, one factor for each frame: a step that raises a frame's cost is taken back."""
+    """Levenberg's damping, one factor for each frame: a step that raises a frame's cost is undone."""
     pose = Pose(base.local, base.root)
     if options.rigid_start:
         rigid = rigid_start(targets, chain, base)
@@ -126,7 +127,7 @@ def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptio
         done = Pose(*(_placed(all_, moving, part) for all_, part in zip(done, pose, strict=True)))
         residual = _placed(residual, moving, system.residual)
         if step.is_cuda:
-            continue  # to ask a GPU which frames have settled makes it wait: the last steps are cheaper
+            continue  # reading from a GPU which frames have converged would wait for it; the last steps are cheaper
         left = torch.nonzero(step.abs().amax(-1) >= SETTLED).squeeze(-1)
         if len(left) == 0:
             break
@@ -138,7 +139,7 @@ def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptio
 
 
 def _placed(whole: Tensor, rows: Tensor, part: Tensor) -> Tensor:
-    """`whole` with some rows from `part`; `part` itself where that is all of them."""
+    """`whole` with some rows from `part`; `part` itself if these are all rows."""
     return part if len(part) == len(whole) else whole.index_copy(0, rows, part)
 
 

@@ -1,4 +1,4 @@
-"""Which data set a clip is from."""
+"""The data set that a clip is from."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""The plain ways to fill, which every figure stands beside. All windows of a batch are filled at once.
+"""Plain interpolation and prediction, the baselines of every figure. All windows of a batch are filled at once.
 
 - lerp: joints' global positions and quaternions on straight lines between keys; bones may shrink on the way.
 - slerp: local rotations on great circles, root and translation tracks on straight lines, then forward kinematics.
-- cubic: the same with tangents that neighbouring segments share.
-- damped: between the two, the less cubic the longer the gap: what filling starts from, and so what models add to.
-- zero velocity, constant velocity: for prediction, where there is no key to go to.
+- cubic: as slerp, with tangents that neighbouring segments share.
+- damped: cubic in short gaps, slerp in long ones. Filling starts from it, so models add corrections to it.
+- zero velocity, constant velocity: for prediction, which has no key at the end.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ class Poses:
 
 
 Filled = tuple[np.ndarray, np.ndarray]
-"""Filled windows: global positions (B, T, J, 3) and quaternions (B, T, J, 4). A baseline reads known frames alone."""
+"""Filled windows: global positions (B, T, J, 3) and quaternions (B, T, J, 4). A baseline reads only known frames."""
 
 
 def lerp(poses: Poses, known: np.ndarray) -> Filled:
-    """Straight lines in the world; quaternions renormalised. known: (T,) bool."""
+    """Linear interpolation in the world; quaternions are normalised again. known: (T,) bool."""
     keys = np.flatnonzero(known)
     share = torch.as_tensor(_line_weights(keys, len(known)), dtype=torch.float32)
     quaternions = continuous_signs(poses.rotations[:, keys], axis=1)
@@ -76,12 +76,12 @@ def lerp(poses: Poses, known: np.ndarray) -> Filled:
 
 
 def slerp(poses: Poses, known: np.ndarray) -> Filled:
-    """Great circles of local rotations."""
+    """Spherical interpolation of local rotations."""
     return _interpolated(poses, known, smooth=0.0)
 
 
 def cubic(poses: Poses, known: np.ndarray) -> Filled:
-    """Slerp's smooth relative, without a kink at the keys."""
+    """A smooth version of slerp, without kinks at the keys."""
     return _interpolated(poses, known, smooth=1.0)
 
 
@@ -92,13 +92,13 @@ def damped(poses: Poses, known: np.ndarray) -> Filled:
 
 
 def zero_velocity(poses: Poses, known: np.ndarray) -> Filled:
-    """The last known frame, held."""
+    """The last known frame is held."""
     held = np.maximum.accumulate(np.where(known, np.arange(len(known)), 0))
     return poses.positions[:, held].numpy(), poses.rotations[:, held].numpy()
 
 
 def constant_velocity(poses: Poses, known: np.ndarray) -> Filled:
-    """The step from the last known frame but one to the last, repeated, in local rotations and translations."""
+    """The step between the last two known frames is repeated, in local rotations and translations."""
     last = int(np.flatnonzero(known)[-1])
     steps = torch.arange(len(known), dtype=torch.float32) - last
     steps = torch.where(torch.as_tensor(known), 0.0, steps).clamp(min=0)
@@ -126,11 +126,12 @@ PREDICTION_BASELINES: dict[str, Callable[[Poses, np.ndarray], Filled]] = {
 
 
 def _interpolated(poses: Poses, known: np.ndarray, smooth: Smoothness) -> Filled:
-    """All windows in one call: joints are interpolated each on its own, so windows can pass as more joints."""
+    """All windows in one call: joints are interpolated independently, so the joints of all windows are interpolated
+    as one set."""
     keys = np.flatnonzero(known)
     batch, frames, joints = poses.rotations.shape[:3]
     local = _windows_as_joints(poses.local()[:, keys])
-    # The root's position rides along as one more offset of every window.
+    # The root's position is one more offset of every window.
     offsets = _windows_as_joints(torch.cat([poses.offsets[:, keys], poses.roots[:, keys, None]], dim=2))
     key_times = torch.as_tensor(keys, dtype=torch.float64)
     times = torch.arange(frames, dtype=torch.float64)

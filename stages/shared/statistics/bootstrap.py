@@ -1,4 +1,4 @@
-"""Intervals by resampling clips: clips, not windows, since the windows of one clip resemble each other."""
+"""Intervals by resampling clips. Windows are not resampled, since the windows of one clip resemble each other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean with its bootstrap interval; `low` and `high` are None where one clip alone was measured."""
+    """A mean with its bootstrap interval; `low` and `high` are None if only one clip was measured."""
 
     value: float
     low: float | None
@@ -51,7 +51,8 @@ def ratio_interval(
 
 @lru_cache(maxsize=16)
 def _draws(count: int, seed: int) -> np.ndarray:
-    """(RESAMPLES, count) how often each clip is in each resampled set; kept, since tables ask for few counts."""
+    """(RESAMPLES, count) how often each clip is in each resampled set; cached, since tables need few different
+    counts."""
     drawn = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
     return drawn.astype(np.float64)
 

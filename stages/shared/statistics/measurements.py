@@ -12,7 +12,7 @@ from stages.shared.kinematics.rotations import aligned_signs, continuous_signs
 from stages.shared.statistics import metrics
 
 LEAST_BONE_M = 1e-6
-LEAST_DEVIATION_M = 1e-3  # of a joint's axis in the training statistics, so that a still axis does not rule the norm
+LEAST_DEVIATION_M = 1e-3  # least deviation of an axis, so that a still axis does not dominate the norm
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Metric:
 
     headline: gets intervals in the summary.
     feel: a property of one motion, the truth's too, in a table of its own (`feel_tables`).
-    beside_truth: its ratio is to the truth's own figure, not to the plain baseline's.
+    beside_truth: its ratio is to the truth's figure, not to the plain baseline's.
     """
 
     label: str
@@ -54,12 +54,13 @@ METRICS: dict[str, Metric] = {
 
 
 def metric_named(name: str) -> Metric:
-    """How a metric is printed. One that `METRICS` does not list is called by its own name, with intervals."""
+    """How a metric is printed. A metric that `METRICS` does not list is printed under its own name, with
+    intervals."""
     return METRICS.get(name) or Metric(name, "", headline=True)
 
 
 POWER_WEIGHTED = ("npss", "npss_lafan1")
-TRUTH = "truth"  # what rows of the truth's own feel are called, where a method's name stands
+TRUTH = "truth"  # method name of rows with the truth's own figures
 TRUE_CLOUD = "solve-true-cloud"  # the method that solves on the true cloud
 RECONSTRUCTED = "-reconstructed"  # follows the name of weights that solve on their reconstruction of the true cloud
 
@@ -74,7 +75,7 @@ class Truth:
     root: int
 
     def centre(self) -> np.ndarray:
-        """(B, 1, 1, 3) mean place of the pelvis over the known frames, removed from every window."""
+        """(B, 1, 1, 3) mean position of the pelvis over the known frames, subtracted from every window."""
         return self.positions[:, self.known, self.root].mean(axis=1)[:, None, None]
 
 
@@ -83,13 +84,13 @@ Measurements = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 def measured_joints(skeleton: Skeleton) -> np.ndarray:
-    """Indices of the joints that count: those of the body whose bone has a length."""
+    """Indices of the measured joints: those of the body whose bone has a length."""
     length = np.linalg.norm(skeleton.tails, axis=1)
     return np.flatnonzero((skeleton.groups != NO_GROUP) & (length > LEAST_BONE_M))
 
 
 def measure(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: np.ndarray) -> Measurements:
-    """The project's own figures of B filled windows; shapes as `Truth`, `joints` those that count."""
+    """The project's own figures of B filled windows; shapes as `Truth`; `joints` are the measured joints."""
     p, p_true = positions[:, :, joints], truth.positions[:, :, joints]
     q, q_true = rotations[:, :, joints], truth.rotations[:, :, joints]
     q = aligned_signs(q, q_true)
@@ -121,7 +122,8 @@ def measure_lafan1(
     across: np.ndarray,
     deviation: np.ndarray,
 ) -> Measurements:
-    """LaFAN1's own figures: missing frames alone, positions in training deviations (J, 3), windows facing one way.
+    """LaFAN1's own figures: only missing frames, positions in training deviations (J, 3), windows facing one
+    direction.
 
     Args:
         across: (2,) joints at the left and the right hip, which give the heading (see `hip_joints`).
@@ -148,7 +150,7 @@ def position_deviation(windows: np.ndarray, joints: np.ndarray, across: np.ndarr
 
     Args:
         windows: (N, T, all joints, 3) positions; each window is centred on the ground plane and turned to face one
-            way at its tenth frame.
+            direction at its tenth frame.
     """
     ground = windows[:, :, root, :].mean(axis=1)[:, None, None] * [1, 0, 1]
     turn = facing_turn(windows[:, 9], across)
@@ -157,7 +159,7 @@ def position_deviation(windows: np.ndarray, joints: np.ndarray, across: np.ndarr
 
 
 def hip_joints(skeleton: Skeleton) -> np.ndarray:
-    """(2,) the topmost joints of the left and the right leg; the pelvis twice where there are no legs."""
+    """(2,) the topmost joints of the left and the right leg; the pelvis twice if there are no legs."""
     found = [np.flatnonzero(skeleton.groups == BODY_GROUPS.index(g)) for g in ("left_leg", "right_leg")]
     if not all(map(len, found)):
         return np.array([skeleton.root, skeleton.root])

@@ -1,4 +1,4 @@
-"""What an evaluation's methods are: kept as facts in the manifest's summary, with one sentence for each."""
+"""A description of an evaluation's methods: facts in the manifest's summary, with one sentence for each."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class MeasuredWeights(BaseModel):
     """Weights that were measured.
 
     name:    the method's name.
-    source:  where they came from.
-    data:    what they were last trained on.
+    source:  folder or name of the weights.
+    data:    the data of their last training.
     digests: SHA-256 of each of their parts: of the checkpoints' content, and of the file of their confidence.
     """
 
@@ -28,11 +28,11 @@ class MeasuredWeights(BaseModel):
 
 
 class MethodFacts(BaseModel):
-    """What an evaluation says of its methods.
+    """Notes on an evaluation's methods.
 
     weights:   the weights that were measured.
     breakdown: whether parts of the filling were measured on true clouds.
-    borrowed_statistics: ids of the skeletons of which no training clip was there for the LaFAN1 statistics.
+    borrowed_statistics: ids of skeletons without a training clip for the LaFAN1 statistics.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
@@ -76,7 +76,7 @@ def markdown_of(sentence: Sentence) -> str:
 
 
 def borrowed_note(facts: MethodFacts) -> str:
-    """One sentence on statistics that are not of training clips; "" where all are."""
+    """One sentence on statistics that do not come from training clips; "" if all do."""
     if not facts.borrowed_statistics:
         return ""
     return (

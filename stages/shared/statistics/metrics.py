@@ -1,8 +1,8 @@
 """The figures, as pure functions (definitions in docs/evaluation.md).
 
 Every function takes NumPy arrays with any leading window dimensions `...` and gives one number per window. Positions
-are (..., T, J, 3) metres and quaternions (..., T, J, 4) unit xyzw, both global. All frames count: a keyframe that is
-met exactly counts as zero. Sums run in float64.
+are (..., T, J, 3) metres and quaternions (..., T, J, 4) unit xyzw, both global. All frames count; an exact keyframe
+counts as zero. Sums run in float64.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def l2q(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def mpjpe_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Mean distance of a joint from where it should be; (...,) millimetres."""
+    """Mean distance of a joint from its true position; (...,) millimetres."""
     return _mean_norm(_difference(predicted, true))
 
 
@@ -44,7 +44,8 @@ def acceleration_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 def mpjae_deg(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Mean angle of the rotation between predicted and true joint rotations (geodesic); (...,) degrees."""
     chord = np.linalg.norm(_difference(aligned_signs(predicted, true), true), axis=-1)
-    # A rotation of angle a keeps unit quaternions 2 sin(a / 4) apart; exact for small angles, as arccos is not.
+    # Unit quaternions that differ by a rotation of angle a have distance 2 sin(a / 4); unlike arccos, this is exact
+    # for small angles.
     return np.degrees(4 * np.arcsin(np.minimum(chord / 2, 1))).mean(axis=(-2, -1))
 
 
@@ -62,9 +63,9 @@ def npss(predicted: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def npss_lafan1(predicted: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """NPSS as LaFAN1's benchmark computes it: the real part of the spectrum alone is squared.
+    """NPSS as LaFAN1's benchmark computes it: only the real part of the spectrum is squared.
 
-    The power then depends on the phase, so that its figures cannot be compared with `npss`.
+    The power then depends on the phase, so its figures cannot be compared with `npss`.
     """
     p, q = _half_spectrum(predicted), _half_spectrum(true)
     frames = true.shape[-2]
@@ -74,7 +75,7 @@ def npss_lafan1(predicted: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np
 def l2p_lafan1(predicted: np.ndarray, true: np.ndarray, deviation: np.ndarray) -> np.ndarray:
     """LaFAN1's L2P: positions divided by the training set's deviation (J, 3) of each joint and axis; no unit.
 
-    Hand in the missing frames alone: that benchmark leaves the keyframes out.
+    Pass only the missing frames: that benchmark leaves the keyframes out.
     """
     return l2p_m(predicted / deviation, true / deviation)
 
@@ -104,7 +105,7 @@ def _half_spectrum(features: np.ndarray) -> np.ndarray:
 
 
 def _mirrored(power: np.ndarray, frames: int) -> np.ndarray:
-    """Power at all `frames` frequencies from that at the lower half: a real signal's spectrum is its own mirror."""
+    """Power at all `frames` frequencies from that at the lower half: the spectrum of a real signal is symmetric."""
     return np.concatenate([power, power[..., 1 : frames - power.shape[-2] + 1, :][..., ::-1, :]], axis=-2)
 
 
@@ -117,7 +118,7 @@ def _spectral_distance(predicted_power: np.ndarray, true_power: np.ndarray) -> t
 
 
 def _shares(power: np.ndarray) -> np.ndarray:
-    """Each frequency's share of a feature's power; where there is none, all of it at frequency zero (a constant)."""
+    """Each frequency's share of a feature's power; without power, all of it is at frequency zero (a constant)."""
     total = power.sum(axis=-2, keepdims=True)
     constant = np.zeros_like(power)
     constant[..., 0, :] = 1.0

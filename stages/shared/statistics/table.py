@@ -1,4 +1,4 @@
-"""A table before it is Markdown, text or HTML: labels, and entries with their interval and ratio as parts."""
+"""A table independent of Markdown, text or HTML: labels, and entries with their interval and ratio as parts."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Verdict = Literal["", "better", "same", "worse"]
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry as its parts are printed.
+    """One entry, as printed parts.
 
     value: the mean. span: its interval, "[0.38, 0.45]". ratio: to the baseline, "×0.81*".
-    verdict: what the ratio's interval says of it; "" where there is no ratio.
+    verdict: the conclusion from the ratio's interval; "" without a ratio.
     """
 
     value: str = ""

@@ -49,9 +49,9 @@ def baseline_of(task: str) -> str:
 
 
 def cells(rows: Iterable[MetricRow], seed: int = 0) -> dict[Key, Cell]:
-    """Every average that the rows give: for each archive, and for all together.
+    """All averages of the rows: for each archive, and for all together.
 
-    A clip weighs as many windows as it has; for NPSS, the power of its windows.
+    A clip is weighted by its number of windows; for NPSS, by the power of its windows.
     """
     grouped: dict[Key, dict[tuple[str, str], MetricRow]] = defaultdict(dict)
     for row in rows:
@@ -81,12 +81,12 @@ def _columns(group: dict, clips: Sequence, metric: str) -> tuple[np.ndarray, np.
 
 
 def in_order(found: dict[Key, Cell], position: int) -> list:
-    """The distinct values of one part of the keys, in the order in which the rows brought them."""
+    """The distinct values of one part of the keys, in the order of the rows."""
     return list(dict.fromkeys(key[position] for key in found))
 
 
 def scopes_of(found: dict[Key, Cell]) -> list[str]:
-    """Archives in order, and all together last where there are several."""
+    """Archives in order, and all together last if there are several."""
     archives = [scope for scope in in_order(found, 0) if scope != ALL]
     return [*archives, ALL] if len(archives) > 1 else archives
 
@@ -106,7 +106,7 @@ def tables_of_scope(found: dict[Key, Cell], scope: str) -> list[TaskTables]:
 
 
 def task_tables(found: dict[Key, Cell], more: Callable[[str], str] = lambda scope: "") -> str:
-    """Markdown: the tables of every scope; then what `more` gives for the scope."""
+    """Markdown: the tables of every scope, each followed by `more` of the scope."""
     parts: list[str] = []
     for scope in scopes_of(found):
         parts.append(f"## {scope}\n")
@@ -207,7 +207,7 @@ def _ratio_entry(cell: Cell | None) -> Entry:
 
 
 def _entry(cell: Cell | None, *, intervals: bool = True) -> Entry:
-    """Mean, interval, ratio to the baseline; a star where the ratio's interval leaves out 1."""
+    """Mean, interval, ratio to the baseline; a star if the ratio's interval does not contain 1."""
     if cell is None:
         return Entry()
     digits = decimals_of(cell.mean.value)
@@ -220,7 +220,8 @@ def _entry(cell: Cell | None, *, intervals: bool = True) -> Entry:
 
 
 def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
-    """`0.412 [0.38, 0.45] ×0.81*`: mean, interval, ratio to the baseline; a star where its interval leaves out 1."""
+    """`0.412 [0.38, 0.45] ×0.81*`: mean, interval, ratio to the baseline; a star if its interval does not contain
+    1."""
     return _entry(cell, intervals=intervals).text
 
 
@@ -229,14 +230,14 @@ def _leaves_out_one(ratio: Estimate) -> bool:
 
 
 def span_text(estimate: Estimate, digits: int) -> str:
-    """`[0.38, 0.45]`, the interval; nothing where there is none."""
+    """`[0.38, 0.45]`, the interval; "" without one."""
     if estimate.low is None or estimate.high is None:
         return ""
     return f"[{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
 
 
 def decimals_of(value: float) -> int:
-    """So many decimals that three digits count."""
+    """Number of decimals for three significant digits."""
     if not np.isfinite(value) or value == 0:
         return DIGITS
     return int(np.clip(DIGITS - 1 - np.floor(np.log10(abs(value))), 0, 6))
@@ -260,14 +261,15 @@ def terminal_lines(found: dict[Key, Cell]) -> list[str]:
 
 
 def _measured_on(here: dict[Key, Cell], task: str, intervals: Sequence[int]) -> str:
-    """How many windows, and what ratios are to; tasks without a baseline measure the same windows in every column."""
+    """The number of windows and the baseline of ratios; tasks without a baseline measure the same windows in every
+    column."""
     if not any(key[4] == baseline_of(task) for key in here):
         return _count(here, intervals[0])
     return f"{', '.join(f'{_count(here, i)} at {i}' for i in intervals)}; ×: share of {baseline_of(task)}'s"
 
 
 def aligned(grid: list[list[str]]) -> list[str]:
-    """A table as lines of text; the first row is its head, whose first cell runs over two columns."""
+    """A table as lines of text; the first row is its head, whose first cell spans two columns."""
     widths = [max(len(row[column]) for row in grid[column < 2 :]) for column in range(len(grid[0]))]
     title_width = sum(widths[:2]) + 2
     rows = [([f"{grid[0][0]:<{title_width}}", *grid[0][2:]], [title_width, *widths[2:]])]

@@ -1,4 +1,4 @@
-"""What is measured where: the tasks' windows and which of their frames are known."""
+"""The tasks' windows and which of their frames are known."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Task:
     def frames_in(self, clip_frames: int) -> int:
         """Frames of a window in a clip of this length; 0 where the clip is too short to be measured.
 
-        A short clip is measured at its own length; a transition is not, since its gap would shrink.
+        A short clip is measured at its own length, except in transitions, since the gap would shrink.
         """
         if clip_frames >= self.frames:
             return self.frames
@@ -69,7 +69,7 @@ class Window:
 
 
 def clip_windows(clip: str, clip_frames: int, task: Task) -> list[Window]:
-    """As many windows as fit without overlap, spread evenly from the clip's first frame to its last."""
+    """All windows that fit without overlap, spread evenly from the clip's first frame to its last."""
     frames = task.frames_in(clip_frames)
     if not frames:
         return []
@@ -82,7 +82,7 @@ def clip_windows(clip: str, clip_frames: int, task: Task) -> list[Window]:
 def chosen_windows(by_clip: Sequence[Sequence[Window]], limit: int) -> list[Window]:
     """At most `limit` windows (0: all), spread evenly over clips, and over each clip's length.
 
-    The choice depends on nothing but the lists, so that every method and every run measures the same windows.
+    The choice depends only on the lists, so every method and every run measures the same windows.
     """
     clips = [windows for windows in by_clip if windows]
     if not limit or sum(map(len, clips)) <= limit:
@@ -91,7 +91,8 @@ def chosen_windows(by_clip: Sequence[Sequence[Window]], limit: int) -> list[Wind
         clips = [clips[(2 * i + 1) * len(clips) // (2 * limit)] for i in range(limit)]
     chosen: list[Window] = []
     for number, (windows, quota) in enumerate(zip(clips, _quotas([len(w) for w in clips], limit), strict=True)):
-        # Where a clip gives one window of many, a place that differs from clip to clip: their beginnings are alike.
+        # If a clip gives one window of many, its position differs from clip to clip, since the beginnings of clips
+        # are alike.
         shift = (number * GOLDEN_SHARE) % 1
         picks = {int((i + shift) * len(windows) / quota) for i in range(quota)}
         chosen += [windows[i] for i in sorted(picks)]
