@@ -1,12 +1,11 @@
 """First-frame-offset quaternions (PC-MRL 3.3): rotations without their absolute roll.
 
-A point cloud cannot tell how far a bone is rolled about itself, only how the roll changes. FOQ keeps just that: every
-rotation is taken relative to the one of the first frame, and whatever constant rotation a bone's own frame carries
-(a roll about the bone, or another rest pose altogether) falls out:
-(q_t x r) x (q_0 x r)^-1 = q_t x r x r^-1 x q_0^-1 = q_t x q_0^-1.
+A point cloud does not determine the roll of a bone about itself, only how the roll changes. FOQ keeps only the
+change: every rotation is relative to that of the first frame, and any constant rotation of a bone's own frame (a roll
+about the bone, or another rest pose) cancels: (q_t x r) x (q_0 x r)^-1 = q_t x r x r^-1 x q_0^-1 = q_t x q_0^-1.
 
 FOQ are rotations about the world's axes: turning the whole motion by y gives y x foq x y^-1. Since a product with a
-unit quaternion keeps distances, two motions that share their first frame are as far apart in FOQ as in rotations.
+unit quaternion keeps distances, two motions with the same first frame have the same distance in FOQ as in rotations.
 """
 
 from __future__ import annotations
@@ -29,17 +28,17 @@ def first_frame_offsets(rotations: Tensor) -> Tensor:
 
 
 def rotations_from_offsets(offsets: Tensor, known: Tensor, frame: int = 0) -> Tensor:
-    """The inverse, from the one frame whose rotations are known: q_t = foq_t x foq_k^-1 x q_k.
+    """The inverse, from one frame with known rotations: q_t = foq_t x foq_k^-1 x q_k.
 
     Args:
         offsets: (..., T, J, 4) FOQ, unit, xyzw.
         known: (..., J, 4) global rotations of frame `frame`.
-        frame: which frame is known; the first by default, of which the FOQ is the identity.
+        frame: the known frame; by default the first, whose FOQ is the identity.
 
     Returns: (..., T, J, 4) global unit quaternions.
     """
     at_known = roma.quat_conjugation(offsets[..., frame, :, :])
     first = roma.quat_product(at_known, known)
-    # Rounding must not add up over a long chain of products: unit length is asked for again.
+    # Normalised again, so that rounding does not accumulate over a long chain of products.
     product = roma.quat_product(offsets, first.unsqueeze(-3).expand_as(offsets))
     return torch.nn.functional.normalize(product, dim=-1)

@@ -1,6 +1,6 @@
 """Forward kinematics and its inverse: global rotations and root position to joint positions (PC-MRL eq. 1).
 
-Plain functions on torch tensors with any leading dimensions; xyzw quaternions; hand NumPy arrays in with
+Plain functions on torch tensors with any leading dimensions; xyzw quaternions; pass NumPy arrays with
 `torch.from_numpy`.
 """
 
@@ -52,7 +52,7 @@ def joint_positions(rotations: Tensor, root_positions: Tensor, offsets: Tensor, 
 
 
 def offsets_over_time(skeleton: Skeleton, motion: Motion) -> Tensor:
-    """(J, 3), or (T, J, 3) where the motion has translation tracks; float32 metres."""
+    """(J, 3), or (T, J, 3) if the motion has translation tracks; float32 metres."""
     rest = torch.as_tensor(skeleton.offsets, dtype=torch.float32)
     if len(motion.track_joints) == 0:
         return rest

@@ -1,7 +1,7 @@
-"""Forward kinematics and its inverse in NumPy and float64 (PC-MRL eq. 1), for what reads and writes files.
+"""Forward kinematics and its inverse in NumPy and float64 (PC-MRL eq. 1), for the readers and writers of files.
 
-`stages.shared.kinematics.forward` is the same for torch tensors, in their own dtype. Both stay: the readers start
-without loading torch, and their float64 results differ from those of torch's float32 by rounding.
+`stages.shared.kinematics.forward` does the same for torch tensors, in their own dtype. Both are needed: the readers
+start without loading torch, and their float64 results differ from torch's float32 by rounding.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ def global_rotations(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
 
 
 def local_rotations(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Global rotations (T, J, 4) to unit rotations in the parents' frames (T, J, 4) float64; joint 0's stays."""
+    """Global rotations (T, J, 4) to unit rotations in the parents' frames (T, J, 4) float64; joint 0's are
+    unchanged."""
     rotations = rotations.astype(np.float64)
     local = rotations.copy()
     local[:, 1:] = multiply(rotations[:, parents[1:]] * CONJUGATE, rotations[:, 1:])

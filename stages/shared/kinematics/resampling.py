@@ -12,11 +12,11 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion
 from stages.shared.kinematics.rotations import slerp
 
-_LOBES = 4  # half width of the low-pass in frames of the lower rate
+_LOBES = 4  # half width of the low-pass, in frames of the lower rate
 
 
 def resampled_frames(frames: int, fps: float, target_fps: float) -> int:
-    """How many frames of the target rate fit between a clip's first and last moment."""
+    """Number of frames of the target rate between a clip's first and last moment."""
     return int(np.floor((frames - 1) * target_fps / fps + 1e-6)) + 1
 
 
@@ -24,9 +24,9 @@ def resample(motion: Motion, fps: float) -> Motion:
     """The motion at another rate, over the same time, its first frame at the same moment.
 
     Args:
-        fps: frames per second wanted.
-    Returns: a motion of `resampled_frames` frames; the very same arrays where the rate is the motion's own.
-    Raises: UsageError where the rate is not positive.
+        fps: target rate, frames per second.
+    Returns: a motion of `resampled_frames` frames; the same arrays if the rate is the motion's own.
+    Raises: UsageError if the rate is not positive.
     """
     if not fps > 0:
         raise UsageError(f"A rate of {fps} frames a second is none.")
@@ -53,7 +53,7 @@ def resample(motion: Motion, fps: float) -> Motion:
 
 
 def _low_pass(ratio: float) -> np.ndarray:
-    """Windowed-sinc kernel that keeps what a rate `ratio` times lower can show; [1] when going up."""
+    """Windowed-sinc kernel that keeps the frequencies of a rate `ratio` times lower; [1] for a higher rate."""
     if ratio <= 1.0 + 1e-9:
         return np.ones(1)
     half = int(np.ceil(_LOBES * ratio))
@@ -63,7 +63,8 @@ def _low_pass(ratio: float) -> np.ndarray:
 
 
 def _filtered(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """Values (T, ...) low-passed along time; beyond the ends the curve goes on point-mirrored, so ends stay put."""
+    """Values (T, ...) low-passed along time; beyond the ends the curve is mirrored at the end point, so the ends do
+    not move."""
     if len(kernel) == 1 or values.size == 0:
         return values
     half = min(len(kernel) // 2, len(values) - 1)

@@ -1,9 +1,10 @@
 """Rest-pose augmentation (PC-MRL 3.4, Algorithm 1): the same motion on bones with other tails.
 
-A skeleton adapted to a point cloud bends where that suits the cloud, not where its maker meant it to: hips and
-shoulders above all. So an interpolator is trained on motions whose rest pose was changed at random, each bone turned
-back towards where its tail was by the smallest rotation that does it. A change that keeps all lengths changes no
-joint's position, and no FOQ either; what augments is that heads move, and bones are aimed again from there.
+A skeleton that was adapted to a point cloud bends where the cloud fits best, which is not always at the joints that
+its author intended, above all at hips and shoulders. So an interpolator is trained on motions whose rest pose was
+changed at random; each bone is turned by the smallest rotation towards its old tail. A change that keeps all lengths
+changes neither joint positions nor FOQ. The augmentation comes from heads that move and bones that are aimed again
+from there.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from torch import Tensor
 
 from stages.shared.kinematics.rotations import smallest_turn
 
-_AT_TAIL_M = 1e-3  # a child's head this near to its parent's tail hangs from it
+_AT_TAIL_M = 1e-3  # a child's head this near to its parent's tail is attached to it
 
 
 def carried_offsets(offsets: Tensor, tails: Tensor, new_tails: Tensor, parents: np.ndarray) -> Tensor:
     """Children's heads after their parents' tails moved in the rest pose.
 
-    A head at its parent's tail goes with it; any other is turned as the tail's direction is.
+    A head at its parent's tail moves with it; any other head is rotated like the tail's direction.
 
     Args:
         offsets: (..., J, 3) heads in their parents' frames. tails, new_tails: (..., J, 3). parents: (J,), -1 first.
@@ -38,13 +39,13 @@ def carried_offsets(offsets: Tensor, tails: Tensor, new_tails: Tensor, parents: 
 def moved_rest_pose(
     offsets: Tensor, tails: Tensor, parents: np.ndarray, tail_moves: Tensor, head_moves: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """A rest pose near the given one: every tail moved, and every head that hangs from no tail.
+    """A rest pose near the given one: every tail is moved, and every head that is not attached to a tail.
 
     Args:
         offsets, tails: (..., J, 3) metres. parents: (J,).
         tail_moves, head_moves: (..., J, 3) metres, such as normal draws.
 
-    Returns: offsets (..., J, 3) and tails (..., J, 3). Bones without length stay without.
+    Returns: offsets (..., J, 3) and tails (..., J, 3). Bones of length zero keep it.
     """
     parent = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long)
     has_length = (tails.norm(dim=-1, keepdim=True) > 0).to(tails)
@@ -59,12 +60,12 @@ def realign(
     heads: Tensor, rotations: Tensor, tails: Tensor, new_offsets: Tensor, new_tails: Tensor, parents: np.ndarray
 ) -> tuple[Tensor, Tensor]:
     """The motion on another rest pose: from the root outwards, each bone is turned by the smallest rotation that
-    points its new tail at where the old tail was in the world (PC-MRL 3.4).
+    points its new tail at the old tail's position in the world (PC-MRL 3.4).
 
     Args:
         heads: (..., T, J, 3) joints of the motion in the world. rotations: (..., T, J, 4) global, xyzw.
         tails: (..., J, 3) of the old rest pose. new_offsets, new_tails: (..., J, 3) of the new one.
-        parents: (J,), parents before children; joint 0 stays in its place.
+        parents: (J,), parents before children; joint 0 does not move.
 
     Returns: heads (..., T, J, 3) and global rotations (..., T, J, 4).
     """

@@ -1,9 +1,9 @@
-"""Unit quaternions xyzw: products, signs, the shorter way, turns as vectors. For NumPy arrays and torch tensors.
+"""Unit quaternions xyzw: products, signs, the shorter way, rotation vectors. For NumPy arrays and torch tensors.
 
-A quaternion q and its negative -q are the same rotation. Functions that choose between the two give the values that
-they get, negated or not, so a NumPy array and a torch tensor of the same numbers give the same bytes.
+A quaternion q and its negative -q are the same rotation. Functions that choose between the two only negate values, so
+a NumPy array and a torch tensor of the same numbers give the same bytes.
 
-torch and RoMa are imported only by the functions that need them: the file readers use this module and start fast.
+Only the functions that need torch and RoMa import them, so that the file readers, which use this module, start fast.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     Array = TypeVar("Array", np.ndarray, Tensor)
 
-CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion: its inverse
+CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # product with a unit quaternion: its inverse
 _LINE_IS_ARC = {4: 1e-4, 8: 1e-6}  # by bytes of a number: the sine of an angle below which slerp takes the line
 _OPPOSITE = 1e-7  # directions that sum to less than this are opposite
 
@@ -56,7 +56,7 @@ def signs_after_given(rotations: np.ndarray, given: np.ndarray) -> np.ndarray:
 
 
 def aligned_signs(rotations: Array, reference: Array) -> Array:
-    """The same rotations (..., 4), each with the sign that lies nearer to its reference (..., 4)."""
+    """The same rotations (..., 4), each with the sign that is nearer to its reference (..., 4)."""
     away = (rotations * reference).sum(-1)[..., None] < 0
     return _module_of(rotations).where(away, -rotations, rotations)
 
@@ -89,7 +89,7 @@ def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Products of quaternions given by components (4, ...): each step runs over whole arrays."""
+    """Products of quaternions given by components (4, ...): each operation is on whole arrays."""
     x1, y1, z1, w1 = left
     x2, y2, z2, w2 = right
     return np.stack(
@@ -106,7 +106,7 @@ def rotate(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by unit quaternions (..., 4)."""
     x, y, z, w = (rotations[..., i] for i in range(4))
     a, b, c = (vectors[..., i] for i in range(3))
-    # v + 2 w (q x v) + 2 q x (q x v), written out: np.cross costs more than all of it on small arrays.
+    # v + 2 w (q x v) + 2 q x (q x v), written out, since np.cross alone takes longer than this on small arrays.
     p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     return np.stack(
         [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
@@ -141,8 +141,8 @@ def smallest_turn(directions: Array, targets: Array) -> Array:
     part is h . eta >= 0. (As printed, the half-way vector is not normalised and the sign is the other one.)
 
     Args:
-        directions, targets: (..., 3), any length. Opposite directions turn by 180 degrees about some axis across
-            them, always the same for the same directions; a vector of no length asks for no turn.
+        directions, targets: (..., 3), any length. Opposite directions give a rotation of 180 degrees about an axis at
+            right angles to them, always the same for the same directions; a zero vector gives the identity.
 
     Returns: (..., 4) unit quaternions, real part >= 0, of the dtype of `directions`. Computed in float64.
     """
@@ -177,10 +177,10 @@ def _norm(vectors: Array) -> Array:
 
 
 def _unit(vectors: Array) -> Array:
-    """Vectors (..., C) of length 1; those without length stay zero."""
+    """Vectors (..., C) of length 1; zero vectors stay zero."""
     return vectors / _norm(vectors).clip(1e-12)
 
 
 def _module_of(rotations: np.ndarray | Tensor) -> Any:
-    """`numpy` or `torch`, whichever the array is of."""
+    """`numpy` or `torch`, by the type of the array."""
     return np if isinstance(rotations, np.ndarray) else sys.modules["torch"]

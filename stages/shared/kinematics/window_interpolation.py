@@ -16,7 +16,7 @@ from stages.shared.kinematics.plain_interpolation import (
     interpolate_pose,
 )
 
-_APART = 100_000.0  # frames between windows on the joined timeline: no tangent reaches across
+_APART = 100_000.0  # frames between windows on the joined timeline: no tangent crosses this distance
 
 
 def interpolate_windows(
@@ -29,17 +29,17 @@ def interpolate_windows(
     glide: Glide | None = None,
     damping: Damping = DAMPING,
 ) -> tuple[Tensor, Tensor]:
-    """What the damped `interpolate_pose` makes of each window's known frames, by its own hierarchy.
+    """The damped `interpolate_pose` of each window's known frames, with the window's own hierarchy.
 
-    The windows are laid on one long timeline, so that one call interpolates all; a window that ends (or begins)
-    without a key holds its last (first) one, or glides on from it.
+    The windows are put on one long timeline, so that one call interpolates all. A window that ends (or begins)
+    without a key holds its last (first) key, or glides on from it.
 
     Args:
         heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
         parents: (B, J), -1 for roots and unused bones, parents before children.
         known: (B, T) on the CPU, at least one True in every row; other frames are not read.
-        rate_hz: frames in a second; long gaps leave slerp less, as `damping` has it (`damped_smoothness`).
-        glide: how to go on before the first and after the last key, in frames; None holds them.
+        rate_hz: frames in a second; used by the damping of long gaps (`damped_smoothness`).
+        glide: how to continue before the first and after the last key, in frames; None holds them.
 
     Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
     """
@@ -49,7 +49,7 @@ def interpolate_windows(
     times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
     window, frame = _held_keys(known)
     source = _nearest_known(known)[window, frame]
-    # Where keys lie is worked out on the CPU, so that a GPU is never waited for.
+    # The positions of keys are computed on the CPU, to avoid waiting for a GPU.
     key_times = times[window, frame]
     smooth = damped_smoothness(key_times, rate_hz, damping)
     device = heads.device
@@ -80,7 +80,7 @@ def interpolate_windows(
 
 
 def _in_parents(heads: Tensor, rotations: Tensor, index: Tensor, has_parent: Tensor) -> tuple[Tensor, Tensor]:
-    """Rotations (N, J, 4) and places (N, J, 3) in the parents' frames, of frames N with parents `index` (N, J)."""
+    """Rotations (N, J, 4) and positions (N, J, 3) in the parents' frames, of frames N with parents `index` (N, J)."""
     above = roma.quat_conjugation(torch.gather(rotations, 1, index.unsqueeze(-1).expand(-1, -1, 4)))
     local = torch.where(has_parent, roma.quat_product(above, rotations), rotations)
     apart = heads - torch.gather(heads, 1, index.unsqueeze(-1).expand(-1, -1, 3))
@@ -89,7 +89,7 @@ def _in_parents(heads: Tensor, rotations: Tensor, index: Tensor, has_parent: Ten
 
 def _beyond_keys(known: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Windows and frames (N,) before the first or after the last key, that key's frame, and the frame of the key next
-    to it (the same where there is no other)."""
+    to it (the same frame if there is no other)."""
     frames = torch.arange(known.shape[1]).expand_as(known)
     far = known.shape[1]
     first = torch.where(known, frames, far).amin(1, keepdim=True)
@@ -104,7 +104,7 @@ def _beyond_keys(known: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
 
 
 def _held_keys(known: Tensor) -> tuple[Tensor, Tensor]:
-    """Windows and frames of all keys, with keys added at the ends of windows that have none there."""
+    """Windows and frames of all keys, with keys added at the ends of windows without one there."""
     with_ends = known.clone()
     with_ends[:, 0] = True
     with_ends[:, -1] = True
@@ -113,7 +113,7 @@ def _held_keys(known: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _nearest_known(known: Tensor) -> Tensor:
-    """(B, T): the known frame that a frame would hold: the last one up to it, or else the first."""
+    """(B, T): the known frame that holding gives: the last one up to the frame, or else the first."""
     frames = torch.arange(known.shape[1]).expand_as(known)
     before = torch.where(known, frames, -1).cummax(dim=1).values
     first = known.int().argmax(dim=1, keepdim=True)

@@ -39,7 +39,7 @@ def assign(costs: Tensor, groups: Tensor) -> Tensor:
 
     Returns: (B, P) int64, for each predicted point the index of its expected point.
     """
-    # One transfer, and so one wait for the device, whatever the number of clouds and groups.
+    # One transfer, and so one wait for the device, for all clouds and groups.
     together = torch.cat([costs.detach(), groups.unsqueeze(1).to(costs.dtype)], dim=1).cpu().numpy()
     table, group_of = together[:, :-1], together[:, -1].astype(np.int64)
     pairs = np.empty(group_of.shape, dtype=np.int64)
@@ -70,7 +70,8 @@ def paired_difference(predicted: Tensor, expected: Tensor, groups: Tensor, valid
 
 
 def chamfer_squared(predicted: Tensor, expected: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
-    """Symmetric Chamfer distance on trajectories within body groups (PUMPS Table 2's other objective), a scalar."""
+    """Symmetric Chamfer distance on trajectories within body groups (the other objective of PUMPS Table 2), a
+    scalar."""
     costs = trajectory_costs(predicted, expected, valid)
     apart = groups.unsqueeze(2) != groups.unsqueeze(1)
     costs = costs.masked_fill(apart, float("inf"))

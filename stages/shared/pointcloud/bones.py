@@ -1,4 +1,4 @@
-"""The bones that a point cloud rides on: a skeleton's body without what no point sees."""
+"""The bones of a point cloud: a skeleton's body without bones that carry no points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from stages.shared.pointcloud.sampling import draw_points
 def body_joints(skeleton: Skeleton) -> np.ndarray:
     """Joints of the body that carry points or have such joints below them, pelvis first, parents before children.
 
-    Fingers, faces and props fall away; a zero-length joint inside the body stays, since it turns what is below it.
+    Fingers, faces and props are removed; a zero-length joint inside the body stays, since it turns the joints below
+    it.
     """
     needed = np.asarray(skeleton.sampled, bool) & (skeleton.groups >= 0)
     for joint in range(skeleton.joints - 1, 0, -1):
@@ -24,10 +25,10 @@ def body_joints(skeleton: Skeleton) -> np.ndarray:
 
 
 def bone_set(skeleton: Skeleton, points: int, seed: int) -> tuple[BoneSet, np.ndarray]:
-    """The bone set of a skeleton, with drawn points, and the (B,) joints that its bones are.
+    """The bone set of a skeleton, with drawn points, and the (B,) joints of its bones.
 
     Weights are the bones' lengths, normalised (PC-MRL 3.1: a bone is drawn in proportion to its length).
-    Raises: InputError where no bone can be seen.
+    Raises: InputError if no bone carries points.
     """
     joints = body_joints(skeleton)
     lengths = np.linalg.norm(skeleton.tails[joints], axis=1)

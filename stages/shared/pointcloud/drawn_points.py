@@ -1,4 +1,4 @@
-"""Points drawn on bones: which bone each rides on, and where in the bone's frame (PC-MRL eq. 3).
+"""Points drawn on bones: the bone of each, and its position in the bone's frame (PC-MRL eq. 3).
 
 One type for all draws, one cloud or a batch: on a file's skeleton, on a training window's bones, on a rig's body. The
 points that a `tpc` artefact stores are the same draw as NumPy arrays (`data_schemas.tpc.BoneSet`), since that package
@@ -23,13 +23,13 @@ from stages.shared.pointcloud.sampling import draw_points, place_points, points_
 class DrawnPoints:
     """P points drawn on J bones; leading dimensions are clouds of a batch.
 
-    The same draw is scattered wider, or put on a body of other sizes, by `dataclasses.replace` of `sigma_m` or
-    `tails`. Networks and the solve see `groups`, never `bones`.
+    `dataclasses.replace` of `sigma_m` or `tails` scatters the same draw wider or puts it on a body of another size.
+    Networks and the solve get `groups`, never `bones`.
 
-    bones:   (..., P) the bone that each point rides on.
+    bones:   (..., P) the bone of each point.
     alphas:  (..., P) how far along it, 0 at its head, 1 at its tail.
     offsets: (..., P, 3) standard normal draws in the bone's frame, scaled by `sigma_m`.
-    groups:  (..., P) int64 body groups; left and right are exchanged where the cloud is mirrored.
+    groups:  (..., P) int64 body groups; left and right are exchanged if the cloud is mirrored.
     tails:   (..., J, 3) of the bones, metres in their own frames.
     sigma_m: metres; a number, or (...) with one for each cloud.
     """
@@ -63,7 +63,7 @@ def draw_on_skeleton(
 def spread_on_skeleton(
     skeleton: Skeleton, points: int, start: float, sigma_m: float, device: torch.device | str = "cpu"
 ) -> DrawnPoints:
-    """Points spread evenly over the sampled bones; `start` in [0, 1) tells one such spread from another."""
+    """Points spread evenly over the sampled bones; `start` in [0, 1) selects one such spread."""
     lengths = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device).norm(dim=-1)
     lengths = lengths * torch.as_tensor(skeleton.sampled, device=device)
     return _on_skeleton(skeleton, spread_points(lengths, points, torch.tensor(start, device=device)), sigma_m, device)

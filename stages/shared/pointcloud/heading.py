@@ -1,4 +1,4 @@
-"""Which way a cloud faces, from positions and body groups alone."""
+"""The direction that a cloud faces, from positions and body groups alone."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from torch.nn import functional as F
 from stages.shared.kinematics.conventions import GROUPS
 
 _PAIRS = ((1, 2), (3, 4))  # left and right arm, left and right leg
-_SPAN = 9  # frames that a heading is the mean of, about 0.3 s
+_SPAN = 9  # frames over which a heading is averaged, about 0.3 s
 
 
 def across_of(points: Tensor, groups: Tensor) -> Tensor:
     """From the right limbs to the left ones, on the ground: (..., T, 2) metres along x and z.
 
     Args:
-        points: (B, T, P, 3). groups: (B, P). A pair of limbs with a missing one says nothing.
+        points: (B, T, P, 3). groups: (B, P). A pair of limbs with a missing one is ignored.
     """
     one_hot = F.one_hot(groups.long(), GROUPS).to(points.dtype)
     count = one_hot.sum(1)  # (B, G)
@@ -32,7 +32,8 @@ def across_of(points: Tensor, groups: Tensor) -> Tensor:
 def headings_of(points: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
     """Yaw that turns each frame's body to face +Z, its left along +X: (B, T) radians about Y.
 
-    Smoothed over a third of a second. Where no side is to be seen (a body lying on its side) it is some angle.
+    Smoothed over a third of a second. If the sides cannot be found (a body lying on its side), the angle is
+    arbitrary.
     """
     across = across_of(points, groups)
     if valid is not None:

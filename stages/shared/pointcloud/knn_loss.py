@@ -1,11 +1,11 @@
-"""How far two moving clouds lie apart when no point of one belongs to a point of the other (PC-MRL eqs. 4 and 5).
+"""The distance of two moving clouds without correspondence between their points (PC-MRL eqs. 4 and 5).
 
 The distance of two points is that of their whole trajectories, divided by the root of the number of frames: the root
 mean square over time, in metres. Eq. 4 sums the frames' distances instead; a norm over everything ranks near and far
-alike, and comes out of one matrix product. Points of other body groups are infinitely far. The loss is the mean over
-the source's points and over the K points of the target that are nearest to each of them.
+alike, and comes out of one matrix product. The distance to points of other body groups is infinite. The loss is the
+mean over the source's points and over the K points of the target that are nearest to each of them.
 
-No P x P table outlives its chunk: what is kept for the gradient are the trajectories and K numbers a point.
+P x P tables are freed after each chunk; only the trajectories and K numbers a point are kept for the gradient.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from torch.nn import functional as F
 from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
 
 NEIGHBOURS = 8  # K of the paper
-_TABLE_NUMBERS = 1 << 24  # distances held at once, over the batch: 64 MB
+_TABLE_NUMBERS = 1 << 24  # distances in memory at once, over the batch: 64 MB
 _FAR = 1e12  # square metres between body groups; exactly 0 is added within one
-_LEAST = 1e-10  # square metres: where points meet, the root's slope stays finite
+_LEAST = 1e-10  # square metres: keeps the root's slope finite if points coincide
 
 
 class Neighbours(NamedTuple):
@@ -29,7 +29,7 @@ class Neighbours(NamedTuple):
 
     index:    (B, P, K) int64 into the target's points.
     distance: (B, P, K) metres, root mean square over time; differentiable.
-    real:     (B, P, K) bool, False where the group has fewer than K target points.
+    real:     (B, P, K) bool, False if the group has fewer than K target points.
     """
 
     index: Tensor
@@ -53,7 +53,7 @@ def nearest_trajectories(
     valid: Tensor | None = None,
     count: int = NEIGHBOURS,
 ) -> Neighbours:
-    """For each source point the nearest target points of its body group, on whole trajectories.
+    """For each source point, the nearest target points of its body group, by whole trajectories.
 
     Args:
         source: (B, T, P, 3) metres. target: (B, T, Q, 3) metres.
@@ -90,7 +90,7 @@ class _Table:
         keep = source.new_ones(batch, frames) if valid is None else valid.to(source.dtype)
         self.frames = keep.sum(1).clamp_min(1).view(-1, 1, 1)
         keep = keep[..., None, None]
-        # Around the source's own centre, where the expanded square loses nothing.
+        # Relative to the source's centre, so that the expanded square is precise.
         middle = (source.detach() * keep).sum((1, 2), keepdim=True) / (self.frames.unsqueeze(3) * points)
         self.source = ((source - middle) * keep).transpose(1, 2).flatten(2)
         self.target = ((target - middle) * keep).transpose(1, 2).flatten(2)
@@ -118,7 +118,7 @@ def velocities(points: Tensor, valid: Tensor | None = None) -> tuple[Tensor, Ten
 def normalised_by_group(points: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
     """Each body group around its own mean in every frame, in units of its own spread over the window.
 
-    What is left is how a limb is bent and where it points, whatever its length and place.
+    The result depends on how a limb is bent and where it points, not on its length and position.
 
     Args:
         points: (B, T, P, 3). groups: (B, P). valid: (B, T), None for all.

@@ -1,7 +1,7 @@
 """Farthest points and nearest neighbours of clouds, batched over clouds.
 
-`pooling_levels` gives all that the frame encoder asks of places: which points are neighbours and which are kept,
-level by level. It depends on places alone, so it is taken once for a batch, without gradient.
+`pooling_levels` gives all that the frame encoder needs from positions: which points are neighbours and which are
+kept, level by level. It depends only on positions, so it is computed once for a batch, without gradient.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-# Clouds that are searched at once: as many as their distances (4 MB) stay in the caches; and few enough that all
-# threads have some.
+# Clouds that are searched at once: their distances (4 MB) fit in the caches, and all threads have some clouds.
 _DISTANCES_AT_ONCE, _CLOUDS_AT_MOST = 2**20, 64
 
 
@@ -27,11 +26,12 @@ class Level(NamedTuple):
 
 
 def pooling_levels(places: Tensor, levels: int, count: int) -> list[Level]:
-    """The `count` nearest neighbours at each level, and the quarter of its farthest points that the next is made of.
+    """The `count` nearest neighbours at each level, and the quarter of its points, the farthest ones, that the next
+    level keeps.
 
     Args:
         places: (N, P, 3); no gradient flows through the result.
-        levels: how many, at least 1. count: neighbours of a point, itself among them; all where a level has fewer.
+        levels: how many, at least 1. count: neighbours of a point, itself included; all points if a level has fewer.
     """
     places = places.detach()
     if places.device.type == "cpu" and len(places) > 0:
@@ -47,7 +47,7 @@ def pooling_levels(places: Tensor, levels: int, count: int) -> list[Level]:
 
 
 def quarter(points: int) -> int:
-    """How many points of a level are kept, at least one."""
+    """Number of points of a level that are kept, at least one."""
     return -(-points // 4)
 
 
@@ -63,11 +63,11 @@ def squared_distances(first: Tensor, second: Tensor) -> Tensor:
 def farthest_points(points: Tensor, count: int) -> Tensor:
     """Farthest-first traversal: each next point is the one farthest from those chosen.
 
-    The first is the point farthest from the centroid, so that the order of points means nothing.
+    The first is the point farthest from the centroid, so that the order of points has no effect.
 
     Args:
         points: (N, P, 3).
-        count: how many to choose, at most P.
+        count: number of points to choose, at most P.
 
     Returns: (N, count) int64 indices.
     """
@@ -85,7 +85,7 @@ def farthest_points(points: Tensor, count: int) -> Tensor:
 
 
 def nearest_points(points: Tensor, centres: Tensor, count: int) -> Tensor:
-    """The `count` nearest points of each centre (itself among them, where it is a point).
+    """The `count` nearest points of each centre (the centre included, if it is a point).
 
     Args:
         points: (N, P, 3).
@@ -101,7 +101,7 @@ def nearest_points(points: Tensor, centres: Tensor, count: int) -> Tensor:
 
 
 def take(values: Tensor, index: Tensor) -> Tensor:
-    """values (N, P, C) at index (N, ...) -> (N, ..., C): one flat gather, which is the fast way on a CPU."""
+    """values (N, P, C) at index (N, ...) -> (N, ..., C): one flat gather, which is fastest on a CPU."""
     clouds, total, width = values.shape
     start = torch.arange(clouds, device=values.device).view(-1, *([1] * (index.dim() - 1))) * total
     return (

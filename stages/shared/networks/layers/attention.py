@@ -23,8 +23,8 @@ def rotary_angles(times: Tensor, width: int, longest: float = 1000.0) -> tuple[T
 
 
 def rotate(values: Tensor, cosines: Tensor, sines: Tensor) -> Tensor:
-    """Turn each pair (first half, second half) of the features by its angle: a true rotation, so that the score of
-    two frames depends on the difference of their times alone.
+    """Turn each pair (first half, second half) of the features by its angle: a rotation, so that the score of two
+    frames depends only on the difference of their times.
 
     Args:
         values: (B, H, T, width). cosines, sines: (B or 1, T, width / 2).
@@ -35,17 +35,17 @@ def rotate(values: Tensor, cosines: Tensor, sines: Tensor) -> Tensor:
 
 
 def sinusoids(times: Tensor, width: int) -> Tensor:
-    """The original Transformer's absolute positions, (..., T, width): the other choice of PUMPS Table 2."""
+    """The original Transformer's absolute positions, (..., T, width): the alternative in PUMPS Table 2."""
     cosines, sines = rotary_angles(times, width, longest=10000.0)
     return torch.cat([sines, cosines], dim=-1)
 
 
 class ExactNorm(nn.LayerNorm):
-    """Layer norm in the precision of its parameters, whatever comes in.
+    """Layer norm in the precision of its parameters, for inputs of any precision.
 
     On a CPU, autocast leaves layer norms in bfloat16, where the parameters' gradients are summed in bfloat16 too:
-    over tens of thousands of rows nearly all of the sum is lost. (On a GPU, autocast does what this does.) Without
-    gradients nothing is lost: the kernel computes in float32 and rounds its result, as the next layer would.
+    over tens of thousands of rows nearly all of the sum is lost. (On a GPU, autocast does the same as this function.)
+    Without gradients nothing is lost: the kernel computes in float32 and rounds its result, as the next layer would.
     """
 
     def forward(self, input: Tensor) -> Tensor:
@@ -55,14 +55,15 @@ class ExactNorm(nn.LayerNorm):
 
 
 def attend(query: Tensor, key: Tensor, value: Tensor, known: Tensor | None = None) -> Tensor:
-    """Softmax attention, scaled by the root of the width: the fused kernel, but where its backward pass is slow.
+    """Softmax attention, scaled by the root of the width: by the fused kernel, except if its backward pass is slow.
 
     On a CPU in bfloat16 the fused backward pass takes three (96 frames) to five times (24 frames) as long as plain
-    products and a softmax, which AMX units multiply; without gradients, and in float32, the fused one wins.
+    products and a softmax, which AMX units multiply; without gradients, and in float32, the fused kernel is faster.
 
     Args:
         query: (B, H, T, width). key, value: (B, H, S, width).
-        known: broadcast to (B, H, T, S). True: may be asked; or, in the queries' dtype, what is added to the scores.
+        known: broadcast to (B, H, T, S). True: may be attended; or, in the queries' dtype, numbers that are added to
+        the scores.
 
     Returns: (B, H, T, width).
     """
@@ -79,7 +80,7 @@ class TimeAttention(nn.Module):
 
     Args:
         width: of queries, keys and values. heads: must divide the width into even parts.
-        rotary: without it positions mean nothing here (they were added to the input).
+        rotary: if False, positions are not used here (they were added to the input).
     """
 
     def __init__(self, width: int, heads: int, rotary: bool = True):

@@ -1,8 +1,8 @@
 """Work over many rows, done a few rows at a time and done again in the backward pass.
 
 Large intermediate results cost more than the arithmetic on them: on a CPU because memory is slower than the cores
-(and fresh memory has to be given out by the system, page by page), on a GPU because they are what fills it. Done in
-pieces, they stay in the caches and are never kept; the price is that the backward pass computes them a second time.
+(and fresh memory has to be given out by the system, page by page), on a GPU because they fill its memory. Computed in
+pieces, they stay in the caches and are never stored; in return, the backward pass computes them a second time.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from typing import Any
 import torch
 from torch import Tensor
 
-# Values of the largest intermediate result of a piece: a few MiB, so that what one step of the work writes is still
-# in the cores' caches when the next reads it.
+# Values of the largest intermediate result of a piece: a few MiB, so that results of one operation are still in the
+# cores' caches when the next reads them.
 _CPU_VALUES = 2**20
-# A GPU is fast only on much work at once, so there pieces serve memory alone: with activation checkpointing.
+# A GPU is fast only with much work at once, so pieces are used there only to save memory, with activation
+# checkpointing.
 _GPU_VALUES = 2**26
 _ALL = 2**62
 
 
 def rows_per_piece(device: torch.device, values_per_row: int, *, checkpointing: bool = False) -> int:
-    """How many rows to take at once, given how many values a row's largest intermediate result has."""
+    """Number of rows of a piece, from the number of values in a row's largest intermediate result."""
     elsewhere = _GPU_VALUES if checkpointing else _ALL
     values = _CPU_VALUES * torch.get_num_threads() if device.type == "cpu" else elsewhere
     return max(1, values // max(1, values_per_row))
@@ -40,12 +41,12 @@ def in_pieces(
     """`run(*parts)`, computed for `rows` rows of all parts at a time.
 
     Args:
-        run: parts of n rows -> a tensor of n rows; each row of the result may depend on the same row of the parts
-            alone. It must give the same result when called again (no randomness of its own).
-        rows: of a piece. If one covers all, `run` is called as it stands and autograd keeps what it likes,
-            unless `checkpointing`: then even that piece is computed again.
-        parts: tensors with the same first dimension. learnt: every other tensor that `run` reads and that gradients
-            should reach (parameters, or results of earlier layers): the very tensors, not views made again.
+        run: parts of n rows -> a tensor of n rows; each row of the result may depend only on the same row of the
+            parts. It must give the same result when called again (no randomness of its own).
+        rows: of a piece. If one covers all, `run` is called directly and autograd keeps its intermediate results,
+            unless `checkpointing`, with which that piece is also computed again.
+        parts: tensors with the same first dimension. learnt: every other tensor that `run` reads and that needs
+            gradients (parameters, or results of earlier layers): the same tensor objects, not new views.
 
     Returns: what `run(*parts)` returns; gradients flow to the parts and to `learnt`.
     """
@@ -93,8 +94,8 @@ class _Pieces(torch.autograd.Function):
 
 @contextmanager
 def _autocast(ctx: Any) -> Iterator[None]:
-    """The forward pass's autocast, around all pieces: weights are cast once for all. Casts made here without gradient
-    must not be found by layers that need one, nor the other way round."""
+    """The forward pass's autocast, around all pieces: weights are cast once for all. Casts made here without
+    gradients must not be reused by layers that need gradients, nor the other way round."""
     kind, dtype, enabled = ctx.autocast
     torch.clear_autocast_cache()
     with torch.autocast(kind, dtype, enabled=enabled):

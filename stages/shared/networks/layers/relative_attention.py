@@ -1,9 +1,9 @@
 """Attention over time with learned relative positions (Shaw et al. 2018), zero before training (PC-MRL 3.4).
 
-PC-MRL puts these in the place of CITL's sinusoids: a table holds one vector for each whole distance between two
-frames, and a query's score with a frame gains its product with the distance's vector. All zero, it is attention
-without positions; learning makes it as smooth as the data ask for. Nothing depends on where a window begins, and a
-window may be longer than those in training: distances beyond the table count as its longest.
+PC-MRL uses these instead of CITL's sinusoids. A table holds one vector for each whole distance between two frames;
+the product of the query and the distance's vector is added to the score. With a table of zeros, it is attention
+without positions. Nothing depends on the beginning of a window, and a window may be longer than those in training:
+distances beyond the table count as its longest.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class RelativeAttention(nn.Module):
     """Multi-head attention whose scores are q_i . (k_j + a_(t_j - t_i)) / sqrt(width of a head).
 
     The vectors of distances that are not whole are interpolated linearly, so times may be any real numbers. Only keys
-    carry relative positions (Shaw et al. found those of the values to add nothing).
+    carry relative positions (Shaw et al. found that those of the values gain nothing).
 
     Args:
         width: of queries, keys and values. heads: must divide the width.
@@ -81,7 +81,7 @@ class RelativeAttention(nn.Module):
 
 
 class RelativeLayer(nn.Module):
-    """Pre-norm `RelativeAttention`, then a feed-forward part; asks the frames themselves, or a memory."""
+    """Pre-norm `RelativeAttention`, then a feed-forward part; attends to the frames themselves, or to a memory."""
 
     def __init__(self, width: int, heads: int, longest: int = 64, *, asks_memory: bool = False, widening: int = 4):
         super().__init__()

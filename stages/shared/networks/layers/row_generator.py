@@ -1,7 +1,7 @@
-"""Random draws inside the networks, by the row: a part of a batch draws what the whole batch would draw for it.
+"""Random draws inside the networks, by row: a part of a batch draws the same numbers as in the whole batch.
 
-The rows' generators are on the CPU whatever the device is: a seed draws the same numbers everywhere, and a GPU does
-not have to start hundreds of small kernels.
+The rows' generators are on the CPU for every device, so that a seed draws the same numbers everywhere and a GPU does
+not start hundreds of small kernels.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def row_generator(seed: int, row_seeds: Sequence[int], device: torch.device) -> 
 
 
 def draw_normal(shape: Sequence[int], generator: torch.Generator | None, device: torch.device) -> Tensor:
-    """Standard normal numbers; by the row where the generator has rows."""
+    """Standard normal numbers; by row if the generator has rows."""
     return _draw(torch.randn, shape, generator, device)
 
 
 def draw_uniform(shape: Sequence[int], generator: torch.Generator | None, device: torch.device) -> Tensor:
-    """Numbers uniform on [0, 1); by the row where the generator has rows."""
+    """Numbers uniform on [0, 1); by row if the generator has rows."""
     return _draw(torch.rand, shape, generator, device)
 
 

@@ -1,4 +1,4 @@
-"""Sizes of the networks, as configs and checkpoints hold them. Imports no torch."""
+"""Sizes of the networks, for configs and checkpoints. Imports no torch."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class DecoderSizes(Sizes):
 
     @property
     def identity_width(self) -> int:
-        """Numbers that make a point's identity."""
+        """Number of values in a point's identity."""
         return GRID_WIDTH if self.identities == "grid" else self.noise
 
     @model_validator(mode="after")

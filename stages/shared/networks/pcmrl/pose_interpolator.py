@@ -1,10 +1,10 @@
 """CITL in one skeleton's pose space, as PC-MRL (3.4) changes it: FOQ in and out, learned relative positions.
 
 Three stages of attention: over the keys alone; from the missing frames (a learned token each) to the encoded keys;
-over all frames. What it sees of a frame are every bone's first-frame-offset quaternion, the direction its bone points
-in, and how the root gets there from the keys beside it, so nothing of it depends on a bone's absolute roll, nor on
-the skeleton's rest pose. Ours: each frame is seen facing one way, by the heading of a plain interpolation of keys,
-and what comes out is a residual on that interpolation, zero before training.
+over all frames. Its inputs for a frame are every bone's first-frame-offset quaternion, every bone's direction, and
+the root's movement from and to the neighbouring keys. So they do not depend on a bone's absolute roll or on the
+skeleton's rest pose. Two parts are not in the paper: each frame is turned to face one direction, by the heading of a
+plain interpolation of keys, and the output is a residual on that interpolation, zero before training.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from stages.shared.pointcloud.heading import headings_of, turned
 
 _FAR_FRAMES = 15.0  # from here on, a missing frame's residual is at its full size
 _FAR_M = 0.2  # the size of a root's residual there, metres
-_FAR_RAD = 0.3  # and of a bone's, radians: about what a plain interpolation misses in a second's gap
+_FAR_RAD = 0.3  # and of a bone's, radians: about the error of a plain interpolation in a second's gap
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PoseInterpolator(nn.Module):
 
     Args:
         parents: J of them, -1 for the root, which comes first; parents before children.
-        groups: J body groups, which tell left from right and so the heading.
+        groups: J body groups, which give left and right and so the heading.
     """
 
     def __init__(self, parents: list[int], groups: list[int], sizes: InterpolatorSizes):
@@ -77,13 +77,13 @@ class PoseInterpolator(nn.Module):
         valid: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Args:
-            truth: read where `known` alone.
-            base: a plain interpolation made from the known frames alone, equal to them there.
+            truth: read only where `known`.
+            base: a plain interpolation of the known frames only, equal to them there.
             known: (B, T) True = the frame is given; the first always is.
             times: (B or 1, T) model frames, real-valued, rising.
             valid: (B, T) True for real frames, False for padding (never known); None for all.
 
-        Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4); known frames come back as given.
+        Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4); known frames are returned as given.
         """
         if not bool(known[:, 0].all()):
             raise ValueError("first-frame offsets need the first frame of every window to be known")
@@ -99,7 +99,7 @@ class PoseInterpolator(nn.Module):
         residual = self._fill(features, known, times, valid)
 
         far = key_distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
-        # What the plain interpolation misses grows faster than the distance to the key: so must what is added.
+        # The error of the plain interpolation grows faster than the distance to the key, and so must the residual.
         residual = residual.float() * torch.where(known.unsqueeze(-1), 0, far**1.5)
         roots = heads[:, :, 0] + turned(_FAR_M * residual[..., :3], -yaw)
         turns = turned(_FAR_RAD * residual[..., 3:].unflatten(-1, (-1, 3)), -yaw.unsqueeze(-1))
@@ -109,8 +109,8 @@ class PoseInterpolator(nn.Module):
         return torch.where(gate, truth.heads, made_heads), torch.where(gate, truth.rotations, made)
 
     def _way(self, roots: Tensor, yaw: Tensor, known: Tensor) -> Tensor:
-        """(B, T, 11): the root's height above the keys' mean; the ways from the key before and to the key after as
-        the frame sees them, metres; cosines and sines of the turns from and to their headings."""
+        """(B, T, 11): the root's height above the keys' mean; the root's movements from the key before and to the key
+        after, in the frame's heading, metres; cosines and sines of the turns from and to their headings."""
         weight = known.to(roots.dtype)
         height = roots[..., 1] - (roots[..., 1] * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True)
         parts = [height.unsqueeze(-1)]
@@ -121,7 +121,7 @@ class PoseInterpolator(nn.Module):
         return torch.cat(parts, dim=-1)
 
     def _fill(self, features: Tensor, known: Tensor, times: Tensor, valid: Tensor | None) -> Tensor:
-        """What the attention says of every frame, (B, T, 3 + 3 J)."""
+        """The attention's output for every frame, (B, T, 3 + 3 J)."""
         keys = self.embed_key(features * known.unsqueeze(-1))
         for layer in self.key_layers:
             keys = layer(keys, times, known=known)
@@ -143,9 +143,9 @@ class PoseInterpolator(nn.Module):
 
 
 def _seen(offsets: Tensor, directions: Tensor, yaw: Tensor) -> Tensor:
-    """FOQ as two columns of their matrices, and bones' directions, as each frame's body sees them: (B, T, 9 J)."""
+    """FOQ as two columns of their matrices, and bones' directions, in each frame's own heading: (B, T, 9 J)."""
     around = yaw.unsqueeze(-1)
-    turns = turned(offsets[..., :3], around)  # a rotation seen from elsewhere has its axis turned, no more
+    turns = turned(offsets[..., :3], around)  # in another heading only a rotation's axis is turned
     columns = roma.unitquat_to_rotmat(torch.cat([turns, offsets[..., 3:]], dim=-1))[..., :2]
     directions = nn.functional.normalize(turned(directions, around), dim=-1)
     return torch.cat([columns.flatten(2), directions.flatten(2)], dim=-1)

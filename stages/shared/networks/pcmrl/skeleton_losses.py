@@ -1,4 +1,4 @@
-"""What the network of PC-MRL is trained by beside the distance of clouds: terms on the skeleton itself."""
+"""Losses of PC-MRL's network besides the distance of clouds: terms on the skeleton itself."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def unit_quaternion_loss(raw: Tensor, valid: Tensor | None = None) -> Tensor:
 
 
 def roll_loss(rotations: Tensor, body: RigBody, valid: Tensor | None = None) -> Tensor:
-    """Mean over the seen bones below the pelvis of sin^2 of half the roll: 0 as at rest, 1 turned half round.
+    """Mean over the seen bones below the pelvis of sin^2 of half the roll: 0 at rest, 1 for half a turn.
 
-    The roll is the part about the bone's own axis of what takes the bone from its rest in its parent's frame to where
-    it is there. Clouds leave it open (see `stages.shared.networks.pcmrl.skeleton_network`).
+    The roll is the part about the bone's own axis of the rotation from rest in its parent's frame. Clouds do not
+    determine it (see `stages.shared.networks.pcmrl.skeleton_network`).
 
     Args:
         rotations: (B, T, bones, 4) global.
@@ -44,9 +44,9 @@ def roll_loss(rotations: Tensor, body: RigBody, valid: Tensor | None = None) -> 
 
 
 def end_bones(parents: np.ndarray, groups: np.ndarray, tails: np.ndarray, weights: np.ndarray) -> list[int]:
-    """Bones that begin where head, hands and feet do, for each body group; -1 where a group has none.
+    """Bones that begin at the head, the hands and the feet, for each body group; -1 for a group without one.
 
-    That of a limb hangs on the lower one of its two longest bones, so that toes or none make no difference; the
+    That of a limb is the child of the lower one of its two longest bones, so that toes make no difference; the
     spine's last bone is the head.
 
     Args:
@@ -70,7 +70,7 @@ def end_effector_loss(ends: Tensor, expected: Tensor, pairs: Sequence[bool] | Te
     """L_end of PC-MRL eq. 6: the pairs' distances, mean over time, summed over pairs; mean over the batch, metres.
 
     Args:
-        ends, expected: (B, T, E, 3) metres. pairs: (E,) or (B, E), True where both sides have the end.
+        ends, expected: (B, T, E, 3) metres. pairs: (E,) or (B, E), True if both sides have the end.
     """
     distance = (ends - expected).norm(dim=-1)
     there = torch.as_tensor(pairs, device=distance.device).to(distance.dtype)
@@ -79,7 +79,7 @@ def end_effector_loss(ends: Tensor, expected: Tensor, pairs: Sequence[bool] | Te
 
 
 def _mean(values: Tensor, valid: Tensor | None) -> Tensor:
-    """Mean of (B, T) over real frames, each window counting alike."""
+    """Mean of (B, T) over real frames; each window has the same weight."""
     if valid is None:
         return values.mean()
     keep = valid.to(values.dtype)

@@ -1,12 +1,13 @@
 """The reconstruction network of PC-MRL (3.2, 4.2): a moving cloud in, the motion of one rig out.
 
-A point transformer sees each frame's cloud, a transformer with rotary positions the frames' features in time (the
-variant that PUMPS compares with), and two linear layers give the pelvis' place and every seen bone's global rotation.
+A point transformer encodes each frame's cloud, a transformer with rotary positions processes the frames' features in
+time (the variant that PUMPS compares with), and two linear layers give the pelvis' position and every seen bone's
+global rotation.
 
-What it can know: a cloud around a bone looks the same however the bone is rolled about its own axis, so that the
-roll of an arm or a shin shows only in what hangs on it at an angle (a foot on the shin, hips on the pelvis). Within
-one sequence the points' own turning shows how the roll *changes* (first-frame offsets, PC-MRL 3.3), which
-`stages.shared.kinematics.foq` uses; how it *is* nobody can know from points. `skeleton_losses.roll_loss` keeps it
+Limits: a cloud around a bone is the same for every roll of the bone about its own axis, so the roll of an arm or a
+shin shows only in bones that are attached to it at an angle (a foot on the shin, hips on the pelvis). Within one
+sequence the movement of the points shows how the roll *changes* (first-frame offsets, PC-MRL 3.3), which
+`stages.shared.kinematics.foq` uses. Points do not determine the roll itself. `skeleton_losses.roll_loss` keeps it
 near the rig's rest pose.
 """
 
@@ -36,7 +37,7 @@ class RigPose(NamedTuple):
     """A posed body of B bones.
 
     heads: (..., T, B, 3) metres. rotations: (..., T, B, 4) global unit quaternions xyzw.
-    raw:   (..., T, S, 4) what the network said of the S seen bones, before normalising.
+    raw:   (..., T, S, 4) the network's output for the S seen bones, before normalising.
     """
 
     heads: Tensor
@@ -45,8 +46,8 @@ class RigPose(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What the network makes of each frame by itself: features (B, T, W), centroids (B, T, 3) in the frame's own
-    heading, yaw (B, T) that turned the cloud into it."""
+    """The encoding of each frame by itself: features (B, T, W), centroids (B, T, 3) in the frame's own heading, yaw
+    (B, T) that turned the cloud into it."""
 
     features: Tensor
     centroids: Tensor
@@ -54,10 +55,10 @@ class Seen(NamedTuple):
 
 
 class SkeletonNetwork(nn.Module):
-    """Clouds (B, T, P, 3) with body groups to the pose of one rig's body.
+    """Maps clouds (B, T, P, 3) with body groups to the pose of one rig's body.
 
-    The cloud's centroid is taken off in every frame and given back to the pelvis, so that the place of a motion means
-    nothing; with `SkeletonSizes.heading` so does the way it faces.
+    The cloud's centroid is subtracted in every frame and added to the pelvis again, so that the result does not
+    depend on the motion's position; with `SkeletonSizes.heading` it does not depend on its heading either.
     """
 
     def __init__(self, body: RigBody, encoder: EncoderSizes, sizes: SkeletonSizes):
@@ -77,17 +78,17 @@ class SkeletonNetwork(nn.Module):
 
     def forward(self, points: Tensor, groups: Tensor, times: Tensor, valid: Tensor | None = None) -> RigPose:
         """Args:
-        points: (B, T, P, 3) metres. groups: (B, P) body groups; the order of points means nothing.
+        points: (B, T, P, 3) metres. groups: (B, P) body groups; the order of points has no effect.
         times: (B or 1, T) model frames. valid: (B, T) True for real frames; None for all.
         """
         return self.pose(self.see(points, groups, self.headings(points, groups, valid)), times, valid)
 
     def headings(self, points: Tensor, groups: Tensor, valid: Tensor | None = None) -> Tensor:
-        """(B, T) yaw that each frame's cloud is turned by before it is seen; zeros without `sizes.heading`."""
+        """(B, T) yaw by which each frame's cloud is turned before it is encoded; zeros without `sizes.heading`."""
         return headings_of(points, groups, valid) if self.sizes.heading else torch.zeros_like(points[:, :, 0, 0])
 
     def see(self, points: Tensor, groups: Tensor, yaw: Tensor) -> Seen:
-        """What each frame looks like, from it alone: points (B, T, P, 3), groups (B, P), yaw (B, T)."""
+        """Encode each frame by itself: points (B, T, P, 3), groups (B, P), yaw (B, T)."""
         frames = points.shape[1]
         each, each_groups = turned(points, yaw.unsqueeze(-1)).flatten(0, 1), groups.repeat_interleave(frames, 0)
         latents, centroids = self.encoder(each, each_groups)
@@ -95,7 +96,7 @@ class SkeletonNetwork(nn.Module):
         return Seen(features.unflatten(0, (-1, frames)), centroids.unflatten(0, (-1, frames)), yaw)
 
     def pose(self, seen: Seen, times: Tensor, valid: Tensor | None = None) -> RigPose:
-        """The pose of frames that were seen."""
+        """The pose of encoded frames."""
         features, centroids, yaw = seen
         for layer in self.layers:
             features = layer(features, times, known=valid)
@@ -107,7 +108,7 @@ class SkeletonNetwork(nn.Module):
         return self._pose(pelvis, turns, raw)
 
     def _pose(self, pelvis: Tensor, turns: Tensor, raw: Tensor) -> RigPose:
-        """Bones that no point sees keep their rest in the parent's frame."""
+        """Bones without points keep their rest rotation in the parent's frame."""
         body, place = self.body, {bone: index for index, bone in enumerate(self.seen)}
         rest = body.rest_local.to(turns)
         out: list[Tensor] = []
@@ -142,7 +143,7 @@ def draw_own_points(body: RigBody, sigma: Tensor, groups: Tensor, generator: tor
 
     Args:
         sigma: (B,) metres, one draw for each.
-        groups: (B, P). For a group that the body lacks any bone will do; the point then has the bone's group.
+        groups: (B, P). For a group that the body lacks, any bone is used; the point then has the bone's group.
         generator: on the device of the result.
     """
     batch, device = len(sigma), generator.device

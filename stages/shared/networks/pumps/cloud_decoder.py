@@ -1,4 +1,4 @@
-"""The cloud decoder: latents over time to point trajectories, each point by its own noise identity (PUMPS 3.2)."""
+"""The cloud decoder: latents over time to point trajectories; each point has its own noise identity (PUMPS 3.2)."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from stages.shared.networks.layers.sizes import DecoderSizes
 
 
 def drop_features(latents: Tensor, share: float, kind: str, generator: torch.Generator | None = None) -> Tensor:
-    """Sequence-wise dropout (PUMPS 3.1): the same features are left out in every frame of a sequence.
+    """Sequence-wise dropout (PUMPS 3.1): the same features are dropped in every frame of a sequence.
 
     Args:
-        latents: (B, T, D). share: p, the expected share left out; the rest is scaled by 1 / (1 - p).
+        latents: (B, T, D). share: p, the expected share that is dropped; the rest is scaled by 1 / (1 - p).
         kind: "sequence", or "element" (every frame by itself, PUMPS Table 2).
     """
     if share <= 0:
@@ -34,13 +34,13 @@ def drop_features(latents: Tensor, share: float, kind: str, generator: torch.Gen
 class CloudDecoder(nn.Module):
     """Latents and centroids -> points. No attention between points, so a point depends on its identity alone.
 
-    A true cloud is linear in the points' places on their bones: p(t) = R(t) u + h(t). So beside the paper's
+    A true cloud is linear in the points' positions on their bones: p(t) = R(t) u + h(t). So beside the paper's
     point-wise MLP there is a `skinning` head: the frame's feature gives, for each body group, a 3 x K matrix, the
-    noise identity gives a K-vector, and the point is their product. It costs one small product for a point and a
-    frame where the MLP costs thousands; `DecoderSizes.head` chooses.
+    noise identity gives a K-vector, and the point is their product. It needs one small product for a point and a
+    frame; the MLP needs thousands of operations. `DecoderSizes.head` selects the head.
 
-    Points are told apart by `DecoderSizes.identities` (PUMPS Table 2): noise as in the paper; the cells of a fixed
-    2D grid, as FoldingNet folds one; or draws from a Gaussian that each frame's feature gives, as a VAE's.
+    `DecoderSizes.identities` sets the identities of points (PUMPS Table 2): noise as in the paper; the cells of a
+    fixed 2D grid, as FoldingNet folds one; or draws from a Gaussian that each frame's feature gives, as a VAE's.
     """
 
     def __init__(self, latent_width: int, sizes: DecoderSizes):
@@ -98,7 +98,7 @@ class CloudDecoder(nn.Module):
         return self.head(frames, groups, noise).to(centroids.dtype) + centroids.unsqueeze(2)
 
     def divergence(self, frames: Tensor, groups: Tensor) -> Tensor:
-        """How far the points' codes are from N(0, 1), (B, T, P) nats; 0 except for `vae`."""
+        """Divergence of the points' codes from N(0, 1), (B, T, P) nats; 0 except for `vae`."""
         if isinstance(self.head, VariationalHead):
             return self.head.divergence(frames, groups)
         return frames.new_zeros(*frames.shape[:2], groups.shape[1])
@@ -114,7 +114,7 @@ class CloudDecoder(nn.Module):
 def grid_cells(points: int) -> Tensor:
     """Cells of a square 2D grid, (points, 2), centred, of unit variance on each axis.
 
-    They come in a fixed scattered order, so that any run of points, such as one body group's, covers the square.
+    They come in a fixed scattered order, so that any consecutive points, such as one body group's, cover the square.
     """
     side = math.ceil(points**0.5)
     steps = torch.arange(side, dtype=torch.float32) - (side - 1) / 2
@@ -144,7 +144,7 @@ class PointHead(nn.Module, Checkpointed):
         by_group = self.by_frame(frames).unflatten(-1, (GROUPS, -1))  # (B, T, 5, C)
         by_point = self.by_point(noise)  # (B, P, C)
         one_hot = F.one_hot(groups.long(), GROUPS).to(by_point.dtype)
-        # C features for every point of every frame are the most that the autoencoder ever makes at once.
+        # C features for every point of every frame are the autoencoder's largest intermediate result.
         again = self.checkpointing
         frames_at_once = rows_per_piece(frames.device, by_point[0].numel(), checkpointing=again)
         if frames_at_once >= frames.shape[0] * frames.shape[1] and not again:
@@ -160,7 +160,7 @@ class PointHead(nn.Module, Checkpointed):
         """by_group (..., T, 5, C), one_hot (..., P, 5), by_point (..., P, C) -> (..., T, P, 3)."""
         joined = torch.matmul(one_hot, by_group) + by_point  # a product with 0 and 1 takes each point's own group
         inner = F.gelu(self.hidden(F.gelu(joined)))
-        with torch.autocast(inner.device.type, enabled=False):  # coordinates have no place in bfloat16
+        with torch.autocast(inner.device.type, enabled=False):  # bfloat16 is too coarse for coordinates
             return F.linear(inner.to(self.out.weight.dtype), self.out.weight, self.out.bias)
 
 
@@ -168,8 +168,8 @@ class VariationalHead(nn.Module):
     """A point's code is drawn from a Gaussian that its frame and body group give, as a VAE's decoder draws it.
 
     The draw is by the reparameterisation, mean + deviation * identity, the identity constant over time like the
-    paper's noise; then linear layers as in `PointHead`. Whatever the points know of the frame passes through the
-    code, whose divergence from N(0, 1) is a term of the loss.
+    paper's noise; then linear layers as in `PointHead`. All information about the frame reaches the points through
+    the code, whose divergence from N(0, 1) is a term of the loss.
     """
 
     def __init__(self, sizes: DecoderSizes):

@@ -1,6 +1,6 @@
 """The frame encoder: a point transformer that turns one frame's cloud into one latent vector (PUMPS 3.1).
 
-It sees one frame at a time and every cloud by itself: no statistic crosses frames, windows or the batch.
+It encodes every frame's cloud by itself: no statistic is shared between frames, windows or the batch.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class NeighbourAttention(nn.Module):
 
         y_i = sum_j softmax_j(g(gelu(q_i - k_j + S (p_i - p_j)))) (v_j + V (p_i - p_j)).
 
-    The relative places enter by linear maps, so S p and V p are taken once for a point and not for each neighbour;
-    what is left to do for a neighbour is one gather, one sum and one weighted sum.
+    The relative positions enter by linear maps, so S p and V p are computed once for a point and not for each
+    neighbour. The work for a neighbour is one gather, one sum and one weighted sum.
     """
 
     def __init__(self, width: int, groups: int):
@@ -51,7 +51,7 @@ class NeighbourAttention(nn.Module):
         self.out = nn.Linear(width, width)
 
     def used_parameters(self) -> list[nn.Parameter]:
-        """Those that the result depends on, and that gradients reach."""
+        """Parameters that the result depends on, and that have gradients."""
         return [each for each in self.parameters() if each is not self.score.bias]
 
     def forward(self, features: Tensor, places: Tensor, neighbours: Tensor) -> Tensor:
@@ -65,12 +65,13 @@ class NeighbourAttention(nn.Module):
         projected = self.query_key_value(self.norm(features)).view(-1, 3 * width)
         query, key, value = projected.chunk(3, dim=-1)
         score_place, value_place = self.place(places).view(-1, 2 * width).chunk(2, dim=-1)
-        # The neighbours come first in (K, N P, C): all that follows is then long runs of memory, sums over k too.
+        # The neighbours come first in (K, N P, C): all following operations, sums over k included, then run over
+        # contiguous memory.
         inner = F.gelu(select_rows(-(key + score_place), rows).add_(query + score_place))
-        # Over the neighbours. The bias of `score`, the same for all of them, changes nothing, and to add it takes
-        # longer than the product; it is a parameter because checkpoints hold it, and learns nothing.
+        # Over the neighbours. The bias of `score` is the same for all of them and has no effect, and adding it takes
+        # longer than the product. It is a parameter because checkpoints contain it; it is not trained.
         weight = F.linear(inner, self.score.weight).softmax(dim=0)
-        # Each group's weight for all its channels, by a small product: copying them one by one is slower.
+        # Each group's weight for all its channels, by a small product, which is faster than copies.
         spread = torch.eye(self.groups, dtype=weight.dtype, device=weight.device)
         spread = spread.repeat_interleave(width // self.groups, dim=1)
         mixed = (select_rows(value - value_place, rows) * (weight @ spread)).sum(0)
@@ -93,9 +94,9 @@ class FrameEncoder(nn.Module, Checkpointed):
     """Cloud of one frame -> latent, blocks of neighbour attention and farthest-point pooling to a quarter.
 
     The latent's width is `width * 2**blocks`; it is layer-normalised without parameters, so that its features have
-    one scale and a squared error on it means something.
+    one scale and a squared error on it is meaningful.
 
-    With checkpointing each block's input alone is kept for the backward pass.
+    With checkpointing only each block's input is kept for the backward pass.
     """
 
     def __init__(self, sizes: EncoderSizes):
@@ -117,7 +118,7 @@ class FrameEncoder(nn.Module, Checkpointed):
 
         Returns: latents (N, D), zero mean and unit variance each; centroids (N, 3) metres.
         """
-        # Places are metres, neighbours an ordering: bfloat16 would round both by centimetres.
+        # Not in bfloat16, which would round the positions, and so the order of neighbours, by centimetres.
         with torch.autocast(points.device.type, enabled=False):
             centroids = points.mean(dim=1)
             places = points - centroids.unsqueeze(1)
@@ -133,7 +134,7 @@ class FrameEncoder(nn.Module, Checkpointed):
         return F.layer_norm(latents, latents.shape[-1:]), centroids
 
     def _block(self, block: int, features: Tensor, places: Tensor, level: Level) -> Tensor:
-        """Attention, widening and, where there is one, pooling: (N, P, C) -> (N, P / 4, 2C), clouds at a time."""
+        """Attention, widening and, if there is one, pooling: (N, P, C) -> (N, P / 4, 2C), clouds at a time."""
         attend, widen = cast(NeighbourAttention, self.attention[block]), self.widen[block]
         neighbours = level.neighbours
 

@@ -52,14 +52,15 @@ def interpolate_known(values: Tensor, known: Tensor, times: Tensor) -> Tensor:
 
 def key_distance(known: Tensor, times: Tensor) -> Tensor:
     """(B, T) frames to the nearest key. A plain interpolation's error grows with it (a position's with its
-    square, near a key), so a residual that grows likewise asks outputs of one size of the network everywhere."""
+    square, near a key), so with a residual that grows in the same way the network's outputs have one size
+    everywhere."""
     first, last = neighbouring_keys(known)
     since, until = (times - times.gather(1, first)).abs(), (times.gather(1, last) - times).abs()
     return torch.minimum(since, until).float()
 
 
 def place_in_gap(known: Tensor, times: Tensor) -> Tensor:
-    """Where a frame stands in its gap, (B, T, 8): all functions of differences of times."""
+    """A frame's position in its gap, (B, T, 8): all are functions of differences of times."""
     first, last, share = share_between_keys(known, times)
     since = (times - times.gather(1, first)) / 30
     until = (times.gather(1, last) - times) / 30
@@ -81,9 +82,9 @@ def place_in_gap(known: Tensor, times: Tensor) -> Tensor:
 class LatentSynthesiser(nn.Module):
     """Known latent frames in, all latent frames out.
 
-    Three stages of attention: over the keys alone; from the missing frames (a learned token each, with what the
-    plain interpolation says) to the encoded keys; over all frames. The output is a residual on the plain
-    interpolation, zero before training, so that learning starts no worse than it.
+    Three stages of attention: over the keys alone; from the missing frames (a learned token each, with the plain
+    interpolation) to the encoded keys; over all frames. The output is a residual on the plain interpolation, zero
+    before training, so that learning starts no worse than it.
     """
 
     def __init__(self, latent_width: int, sizes: SynthesiserSizes):
@@ -114,14 +115,14 @@ class LatentSynthesiser(nn.Module):
         base: tuple[Tensor, Tensor] | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Args:
-            latents: (B, T, D), read where `known` alone. centroids: (B, T, 3) metres, likewise.
+            latents: (B, T, D), read only where `known`. centroids: (B, T, 3) metres, likewise.
             known: (B, T) True = the frame is given; at least one in every row.
             times: (B or 1, T) model frames, real-valued, rising.
             valid: (B, T) True for real frames, False for padding (never known); None for all.
-            base: latents (B, T, D) and centroids (B, T, 3) of a plain interpolation made from the keys alone, which
-                the result is a residual on; by default the known latents and centroids interpolated linearly.
+            base: latents (B, T, D) and centroids (B, T, 3) of a plain interpolation of the keys alone, to which the
+                residual is added; by default the known latents and centroids interpolated linearly.
 
-        Returns: latents (B, T, D) and centroids (B, T, 3); known frames come back as given.
+        Returns: latents (B, T, D) and centroids (B, T, 3); known frames are returned as given.
         """
         times = times.expand_as(known)
         gate = known.unsqueeze(-1)
