@@ -1,4 +1,4 @@
-"""The clips that are measured: chosen by split, read at 30 fps, cut into windows."""
+"""The measured clips: chosen by split, read at 30 fps, cut into windows."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from stages.shared.statistics.baselines import Poses
 from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
 
 BATCH_WINDOWS = 64
-STATISTICS_CLIPS = 200  # read for the training statistics of the lafan1 protocol, per skeleton
-STATISTICS_WINDOW, STATISTICS_STRIDE = 50, 20  # that benchmark's own
+STATISTICS_CLIPS = 200  # clips for the training statistics of the lafan1 protocol, per skeleton
+STATISTICS_WINDOW, STATISTICS_STRIDE = 50, 20  # as in that benchmark
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class WindowBatch:
 class MeasuredClips:
     """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured.
 
-    An archive of which no clip was trained on is measured on all its clips, where the test split is wanted.
-    Given `trained_on`, the data of trainings, all clips of other archives are measured, whatever their split.
+    If the test split is wanted, an archive without training clips is measured on all its clips. With `trained_on`,
+    the data of trainings, all clips of other archives are measured, in any split.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class MeasuredClips:
     def statistics_windows(self, skeleton_id: str) -> tuple[np.ndarray, bool]:
         """(N, 50, J, 3) positions for the training statistics of a skeleton, and whether they are of training clips.
 
-        A skeleton with no training clip lends its own measured ones.
+        For a skeleton without a training clip, its measured clips are used.
         """
         own = [row for row in self._reader.clips if row.skeleton == skeleton_id]
         training = [row for row in own if row.split == "train"]

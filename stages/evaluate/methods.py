@@ -1,4 +1,4 @@
-"""What fills the windows: the plain baselines, and models through `fill_motion`."""
+"""The methods that fill the windows: the plain baselines, and models through `fill_motion`."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ PARTS = ("ae", "lms", "train-ae", "train-lms")
 
 
 class Made(NamedTuple):
-    """Windows as a method fills them: positions (B, T, J, 3) and quaternions (B, T, J, 4); of a model also (B, T, J),
-    True where it left the plain interpolation as it is."""
+    """Filled windows: positions (B, T, J, 3) and quaternions (B, T, J, 4); for a model also (B, T, J), True where it
+    kept the plain interpolation."""
 
     positions: np.ndarray
     rotations: np.ndarray
@@ -61,12 +61,12 @@ class LoadedWeights:
     models: Models
 
     def artefacts(self) -> list[Path]:
-        """The checkpoints that the weights lie in."""
+        """The checkpoints of the weights."""
         folder = weights_folder(self.source)
         return [folder / part for part in PARTS if (folder / part / MANIFEST_NAME).is_file()]
 
     def facts(self) -> MeasuredWeights:
-        """What the page says of them; the data are those of the synthesiser's last training."""
+        """The page's note on them; the data are those of the synthesiser's last training."""
         folder = weights_folder(self.source)
         synthesiser = read_checkpoint(parts_of(folder)[1], optimiser=False)
         digests = {path.name: open_artefact(path).manifest.digest for path in self.artefacts()}
@@ -77,8 +77,8 @@ class LoadedWeights:
         )
 
     def trained_on(self) -> list[TrainingData]:
-        """The data of all trainings that its networks, and the weights that they started from, went through. Raises
-        InputError where a checkpoint does not list them."""
+        """The data of all trainings of its networks and of the weights that they started from. Raises InputError if a
+        checkpoint does not list them."""
         found: list[TrainingData] = []
         for path in self.artefacts():
             data = [each.data for each in read_checkpoint(path, optimiser=False).trainings]
@@ -108,7 +108,7 @@ def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list
 
 
 def load_all(config: Config) -> list[LoadedWeights]:
-    """Load each of `config.weights`. Raises UsageError where two methods would share a name."""
+    """Load each of `config.weights`. Raises UsageError if two methods would have the same name."""
     taken = {*BASELINES, *PREDICTION_BASELINES, TRUE_CLOUD, TRUTH}
     loaded = []
     for text in config.weights:
@@ -121,7 +121,7 @@ def load_all(config: Config) -> list[LoadedWeights]:
 
 
 def without_answers(motion: Motion, known: np.ndarray) -> Motion:
-    """The motion with every row that is not known replaced by junk: what is not there cannot leak."""
+    """The motion with arbitrary values in every unknown row, so that the truth cannot leak into the filling."""
     rotations, roots, tracks = (np.array(a) for a in (motion.rotations, motion.root_positions, motion.tracks))
     rotations[~known] = [0, 0, 0, 1]
     roots[~known] = 0
@@ -130,7 +130,7 @@ def without_answers(motion: Motion, known: np.ndarray) -> Motion:
 
 
 def window_seed(seed: int, window: Window) -> int:
-    """The seed of a window's draws: its own, and the same in whatever order windows are filled."""
+    """The seed of a window's draws, which does not depend on the order in which windows are filled."""
     parts = [seed, zlib.crc32(window.clip.encode("utf-8", "surrogateescape")), window.start]
     return int(np.random.SeedSequence(parts).generate_state(1)[0])
 
@@ -146,7 +146,7 @@ def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
 
 
 def _synthesised(models: Models, motion: Motion) -> CloudSource:
-    """The true motion is not looked at."""
+    """The true motion is not used."""
     return SynthesisedClouds(models)
 
 

@@ -58,7 +58,7 @@ class _Tally:
 
 @dataclass
 class _Statistics:
-    """The lafan1 protocol's deviations, made once for each skeleton."""
+    """The lafan1 protocol's deviations, computed once for each skeleton."""
 
     clips: MeasuredClips
     made: dict[str, np.ndarray] = field(default_factory=dict)
@@ -165,7 +165,7 @@ def _measure_task(
 
 
 class _MeasuredBatch(NamedTuple):
-    """What the windows of a batch are measured by."""
+    """The measurement of a batch's windows."""
 
     truth: Truth
     batch: WindowBatch

@@ -1,4 +1,4 @@
-"""`summary.md`: what was measured, how, and the tables."""
+"""`summary.md`: the measured data, the method of measurement, and the tables."""
 
 from __future__ import annotations
 

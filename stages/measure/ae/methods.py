@@ -1,4 +1,4 @@
-"""The autoencoders that are measured, and which row of PUMPS Table 2 each is."""
+"""The measured autoencoders, and the row of PUMPS Table 2 of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stages.shared.inference.models import Autoencoder, load_autoencoder
 from stages.shared.weights.shipped import named_source
 
 FULL = "the full method"
-# What is changed -> L_rec of PUMPS Table 2.
+# The change -> L_rec of PUMPS Table 2.
 PAPER = {
     FULL: 0.0029,
     "2D grid for identities (FoldingNet)": 0.0040,
@@ -39,8 +39,8 @@ _CHANGES = (
 class Method:
     """An autoencoder in use.
 
-    change:     what its training's settings change of the full method; several changes joined by commas.
-    training:   the settings that it was trained with. parameters: how many numbers it has. minutes: of its training.
+    change:     changes to the full method in its training's settings, joined by commas.
+    training:   the settings that it was trained with. parameters: their number. minutes: of its training.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Method:
 def load_methods(config: Config) -> list[Method]:
     """Every autoencoder that `config.weights` names.
 
-    Raises: InputError where one cannot be loaded, UsageError where two share a name.
+    Raises: InputError if one cannot be loaded, UsageError if two have the same name.
     """
     methods: dict[str, Method] = {}
     for text in config.weights:
@@ -77,7 +77,7 @@ def load_methods(config: Config) -> list[Method]:
 
 
 def change_of(training: Mapping[str, Any]) -> str:
-    """What a training's settings change of PUMPS' full method, in the words of `PAPER` where it has them."""
+    """The changes of a training's settings to PUMPS' full method, in the words of `PAPER` if it has them."""
     changes = []
     for path, value, words in _CHANGES:
         found: Any = training

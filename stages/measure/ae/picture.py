@@ -1,4 +1,4 @@
-"""Clouds as a picture: a row for each, three frames seen from the front, and some points' paths. SVG by hand."""
+"""Clouds as an SVG picture: a row for each, three frames seen from the front, and some points' paths."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from data_schemas.skeleton import BODY_GROUPS
 COLOURS = ("#404040", "#1f77b4", "#d62728", "#17a2a2", "#ff7f0e")  # in the order of BODY_GROUPS
 _PIXELS_A_METRE = 110.0
 _LABEL, _HEAD, _GAP = 120, 58, 8
-_PATHS = 20  # points whose paths are drawn
-_TURN = np.radians(25)  # seen a little from the side, so that depth shows
+_PATHS = 20  # number of points whose paths are drawn
+_TURN = np.radians(25)  # slightly from the side, so that depth is visible
 SPINE, LEFT_LEG, RIGHT_LEG = (BODY_GROUPS.index(name) for name in ("spine", "left_leg", "right_leg"))
 
 
@@ -27,12 +27,12 @@ class Panel(NamedTuple):
 
 
 def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
-    """The SVG text; all panels share one scale and one view, which the first one sets."""
+    """The SVG text; all panels have the scale and the view of the first one."""
     kinds = groups.numpy()
     first = panels[0].points.double().numpy()
     view = _front_view(first, kinds)
     flat = [panel.points.double().numpy() @ view.T for panel in panels]
-    # Room for all panels, but no more than half a metre beyond the first: one cloud gone astray shall not shrink all.
+    # Room for all panels, but at most half a metre beyond the first, so that one bad cloud does not shrink all.
     low = np.maximum(np.min([each.min((0, 1)) for each in flat], axis=0), flat[0].min((0, 1)) - 0.5) - 0.05
     high = np.minimum(np.max([each.max((0, 1)) for each in flat], axis=0), flat[0].max((0, 1)) + 0.5) + 0.05
     width, height = ((high - low) * _PIXELS_A_METRE)[:2]
@@ -75,7 +75,7 @@ def _front_view(points: np.ndarray, kinds: np.ndarray) -> np.ndarray:
 
 
 def _dots(pixels: np.ndarray, kinds: np.ndarray) -> list[str]:
-    """A dot is a path of no length with round ends: far shorter to write than a circle."""
+    """A dot is a path of length zero with round ends, which is much shorter SVG than a circle."""
     parts = []
     for group, colour in enumerate(COLOURS):
         places = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in pixels[kinds == group])

@@ -1,4 +1,4 @@
-"""`pumps measure ae`: reconstruct held-out clouds with several autoencoders, and measure how far off they are."""
+"""`pumps measure ae`: reconstruct held-out clouds with several autoencoders, and measure the errors."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.archives import archive_of
 
 TASK = "reconstruction"
-PICTURE_POINTS = 256  # as many as the paper's; decoders make as many points as are wanted
+PICTURE_POINTS = 256  # as in the paper; decoders can decode any number of points
 _AT_ONCE = 16  # windows encoded in one call
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Measure every autoencoder on the same windows and draws, beside two draws of the truth; write `metrics`.
+    """Measure every autoencoder on the same windows and draws, and two draws of the truth; write `metrics`.
 
     Raises:
         InputError: a checkpoint holds no autoencoder, or the tpc artefact no held-out rigid clip that is long enough.
-        UsageError: two methods share a name.
+        UsageError: two methods have the same name.
     """
     check_artefact(config, "metrics")
     methods = load_methods(config)
@@ -103,7 +103,7 @@ def _reconstruct(
 ) -> Tensor:
     """Clouds (W, T, Q, 3) on the CPU, decoded from the latents of true ones (W, T, P, 3).
 
-    Args: groups: (W, P) of the true points. wanted: (W, Q) body groups of the points to make.
+    Args: groups: (W, P) of the true points. wanted: (W, Q) body groups of the points to decode.
     """
     decoder, device, frames = autoencoder.decoder, autoencoder.device, truth.shape[1]
     times = torch.arange(frames, device=device, dtype=torch.float32).unsqueeze(0)
@@ -157,5 +157,5 @@ def _rows(
 
 
 def _shown(windows: Sequence[MovingBones], count: int) -> list[int]:
-    """Which windows are drawn: as far apart in the list as they can be, so from different archives."""
+    """The windows for the picture: as far apart in the list as possible, so from different archives."""
     return [int((2 * place + 1) * len(windows) / (2 * count)) for place in range(min(count, len(windows)))]

@@ -1,4 +1,5 @@
-"""The page of a measurement: one table with intervals, the order of the rows beside the paper's, how it was made."""
+"""The page of a measurement: one table with intervals, the order of the rows compared with the paper's, and the
+settings."""
 
 from __future__ import annotations
 
@@ -40,7 +41,7 @@ _LEGEND = (
 
 @dataclass(frozen=True)
 class AutoencoderResults:
-    """All that was measured."""
+    """All measurements."""
 
     config: Config
     methods: Sequence[Method]
@@ -63,7 +64,7 @@ class AutoencoderResults:
         return np.array([row[2] for row in found]), np.array([row[3] for row in found], np.float64)
 
     def mean(self, method: str, metric: str, archive: str = "") -> Estimate:
-        """Over clips, each as heavy as its windows."""
+        """Mean over clips, weighted by their windows."""
         return mean_interval(*self.column(method, metric, archive), self.config.seed)
 
 
@@ -76,7 +77,7 @@ class Pair(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Whether the rows stand here as they do in the paper; by the ratio's interval, where there is one."""
+        """Whether the rows have the paper's order; by the ratio's interval if there is one."""
         low = self.ratio.value if self.ratio.low is None else self.ratio.low
         high = self.ratio.value if self.ratio.high is None else self.ratio.high
         if low > 1:
@@ -85,7 +86,7 @@ class Pair(NamedTuple):
 
 
 def paper_pairs(measured: AutoencoderResults) -> list[Pair]:
-    """Every pair of measured rows that the paper has."""
+    """Every pair of measured rows that the paper also has."""
     known = sorted((m for m in measured.methods if m.change in PAPER), key=lambda method: PAPER[method.change])
     pairs = []
     for better, worse in combinations(known, 2):
@@ -125,7 +126,7 @@ def summary_md(measured: AutoencoderResults, pictures: Sequence[str]) -> str:
 
 
 def terminal_lines(measured: AutoencoderResults) -> list[str]:
-    """The main table as aligned text, and how many pairs stand as in the paper."""
+    """The main table as aligned text, and the number of pairs in the paper's order."""
     width = max(map(len, measured.names()))
     lines = [f"{'':<{width}}  " + "  ".join(f"{title:>22}" for _, title, _ in _COLUMNS)]
     for name in measured.names():

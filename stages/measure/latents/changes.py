@@ -1,4 +1,4 @@
-"""What is changed of a window, and what should then stay: other points, another body, another rig, another heading.
+"""Changes of a window, with what should stay the same: other points, another body, another rig, another heading.
 
 Every change gives the bones and the cloud that are encoded; the motion is the same in all but the last two kinds.
 """
@@ -22,7 +22,7 @@ from stages.shared.pointcloud.drawn_points import DrawnPoints
 
 @dataclass(frozen=True)
 class OriginalWindow:
-    """A window and its cloud as they are, before any change.
+    """A window and its cloud before any change.
 
     rigged: the motion on its skeleton. bones: the same as moving bones. drawn: the points drawn on them.
     """
@@ -36,18 +36,18 @@ class OriginalWindow:
 
     @property
     def points(self) -> int:
-        """How many points are drawn."""
+        """Number of drawn points."""
         return len(self.drawn.bones)
 
     def seed(self, base: int, change: int) -> np.random.Generator:
-        """For the draws of a change."""
+        """Generator for the draws of a change."""
         return np.random.default_rng([*self.bones.seed(base), change])
 
 
 @dataclass(frozen=True)
 class Encoded:
-    """What is encoded after a change: the cloud (T, P, 3), its groups (P,), and whether its points were spread
-    evenly, as filling spreads them, and not drawn at random."""
+    """The encoder's input after a change: the cloud (T, P, 3), its groups (P,), and whether its points were spread
+    evenly, as in filling, or drawn at random."""
 
     cloud: Tensor
     groups: Tensor
@@ -58,9 +58,9 @@ class Encoded:
 class Change:
     """A row of the table.
 
-    kind:  what stays and what does not, in words; rows of a kind stand together.
-    apply: gives what is encoded after the change; None where a window has nothing to change.
-    same_cloud: whether the changed cloud is another draw of the base's cloud, so that the two may be compared.
+    kind:  what stays and what changes, in words; rows of a kind are together.
+    apply: returns the encoder's input after the change; None if a window has nothing to change.
+    same_cloud: whether the changed cloud is another draw of the base's cloud, so that the two can be compared.
     """
 
     name: str
@@ -84,12 +84,12 @@ def unchanged(original: OriginalWindow) -> Encoded:
 
 
 def spread_evenly(original: OriginalWindow, bones: MovingBones, rng: np.random.Generator) -> Encoded:
-    """Points spread evenly over some bones, from a place drawn at random."""
+    """Points spread evenly over some bones, with a random start."""
     return replace(_on(bones, spread_on_window(bones, original.points, rng, original.sigma_m)), spread=True)
 
 
 def changes(others: Mapping[str, Rigged] | None = None) -> list[Change]:
-    """All rows, in order. `others`: skeletons to give the motions to, by name, each with poses of its own."""
+    """All rows, in order. `others`: skeletons to put the motions on, by name, each with poses of its own."""
     counts = (("half", 0.5), ("four times", 4))
     return [
         *(Change(f"{frames} frames later", TIME, _later(frames), same_cloud=False) for frames in (1, 5)),
@@ -118,7 +118,7 @@ TURN = "the whole window turned about the vertical: the latent is meant to tell"
 
 
 def _on(bones: MovingBones, drawn: DrawnPoints) -> Encoded:
-    """The draw on these bones, whatever bones of the same number it was drawn on."""
+    """The draw on these bones; it was drawn on other bones of the same number."""
     return Encoded(bones.cloud(replace(drawn, tails=bones.tails)), drawn.groups)
 
 
@@ -173,7 +173,7 @@ def _rig(
 
 
 def _retargeted(other: Rigged) -> Callable[[OriginalWindow, np.random.Generator], Encoded | None]:
-    """None where the motion is on that skeleton already."""
+    """None if the motion is on that skeleton already."""
 
     def apply(original: OriginalWindow, rng: np.random.Generator) -> Encoded | None:
         if skeleton_id(original.rigged.skeleton) == skeleton_id(other.skeleton):

@@ -1,4 +1,4 @@
-"""`pumps measure latents`: encode the same motion in many guises, and measure how far its latents move."""
+"""`pumps measure latents`: encode the same motion with many changes, and measure how far its latents move."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from stages.shared.weights.shipped import weights_folder
 
 TASK = "latents"
 BASE = "unchanged"
-_NEAR = 1  # frames off that still count as found
+_NEAR = 1  # distance in frames that still counts as found
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class EncodedWindow:
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Measure how latents move under every change, on held-out windows; write a `metrics` artefact.
 
-    Raises: InputError for bad artefacts, or where no clip of the wanted splits is long enough.
+    Raises: InputError for bad artefacts, or if no clip of the wanted splits is long enough.
     """
     check_artefact(config, "metrics")
     autoencoder, source = _load(config)
@@ -97,7 +97,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 class _Book:
-    """All windows' latents before any change: what a changed latent is looked up in, and how far apart they are."""
+    """All windows' latents before any change: the set in which a changed latent is looked up, and the distances
+    within it."""
 
     def __init__(self, bases: Sequence[EncodedWindow]):
         self.bases = bases
@@ -105,7 +106,7 @@ class _Book:
         self.all_spread = torch.cat([base.spread_latents for base in bases])
         self.window = torch.cat([torch.full((len(base.latents),), number) for number, base in enumerate(bases)])
         self.middle = self.all.mean(0)
-        # Root-mean-square distance of two frames drawn at random: from anywhere, and from the same window.
+        # Root-mean-square distance of two frames drawn at random: from all windows, and from the same window.
         self.apart = _apart(self.all)
         self.apart_within = float(np.sqrt(np.mean([_apart(base.latents) ** 2 for base in bases])))
 
@@ -150,7 +151,7 @@ def _original_window(reader: MotionReader, window: Window, config: Config, point
 
 
 def _other_skeletons(reader: MotionReader, originals: Sequence[OriginalWindow]) -> dict[str, Rigged]:
-    """Where several skeletons are measured: the first of each archive, with the poses of its first clip."""
+    """If several skeletons are measured: the first of each archive, with the poses of its first clip."""
     found: dict[str, Rigged] = {}
     for original in originals:
         if archive_of(original.row) not in found:
@@ -202,8 +203,8 @@ def _decoded(
     noise: Tensor,
     same_cloud: bool,
 ) -> dict[str, float]:
-    """How far the cloud decoded from changed latents is from the changed cloud itself (`own`) and, where it is a draw
-    of the same one, from the base's cloud (`cross`)."""
+    """Distance of the cloud decoded from changed latents from the changed cloud (`own`) and, if this is another draw
+    of the base's cloud, from the base's cloud (`cross`)."""
     times = torch.arange(len(latents), dtype=torch.float32)
     figures: dict[str, float] = {}
     targets = [("own", changed.cloud, changed.groups)]
@@ -219,7 +220,8 @@ def _decoded(
 
 
 def _level(base: EncodedWindow, seed: int) -> dict[str, float]:
-    """How far another draw of the base's cloud is from it: what of the decoded clouds' distance is no error."""
+    """Distance of another draw of the base's cloud from it: the part of the decoded clouds' distance that is not an
+    error."""
     original, groups = base.original, base.truth.groups
     other = original.bones.cloud(redraw_on_window(original.bones, groups, original.seed(seed, 0), original.sigma_m))
     apart = paired_difference(other.unsqueeze(0), base.truth.cloud.unsqueeze(0), groups.unsqueeze(0))

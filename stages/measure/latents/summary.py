@@ -43,7 +43,7 @@ _LEGEND = (
 
 @dataclass(frozen=True)
 class LatentResults:
-    """All that was measured."""
+    """All measurements."""
 
     config: Config
     changes: Sequence[Change]
@@ -52,7 +52,7 @@ class LatentResults:
     windows: int
 
     def mean(self, change: str, metric: str, archive: str = "") -> Estimate | None:
-        """Over clips, each as heavy as its windows; None where it was not measured."""
+        """Mean over clips, weighted by their windows; None if it was not measured."""
         found = [
             (row.value, float(row.windows))
             for row in self.rows
@@ -89,7 +89,7 @@ def summary_md(measured: LatentResults) -> str:
 
 
 def terminal_lines(measured: LatentResults) -> list[str]:
-    """The changes and the most telling columns, aligned."""
+    """The changes and the most important columns, aligned."""
     shown = ("move_any", "frames_off", "own_mm", "cross_mm")
     columns = [column for column in _COLUMNS if column[0] in shown]
     width = max(len(change.name) for change in measured.changes)

@@ -1,4 +1,5 @@
-"""`pumps measure motions`: how far made motions are from the true ones of the same clips, on the same joints."""
+"""`pumps measure motions`: the distance of computed motions from the true motions of the same clips, on the same
+joints."""
 
 from __future__ import annotations
 
@@ -27,14 +28,14 @@ from stages.shared.statistics.tables import cells, task_tables
 from stages.shared.statistics.tasks import RECONSTRUCTION
 from stages.shared.statistics.windows import Window, chosen_windows
 
-_FRAMES_OFF = 2  # two roundings of a clip's length
-_SAME_M = 1e-3  # bones that differ by less are of one skeleton
+_FRAMES_OFF = 2  # frames of tolerance: a clip's length is rounded twice
+_SAME_M = 1e-3  # skeletons whose bones differ by less are the same
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Measure and write a `metrics` artefact.
 
-    Raises: UsageError where a NAME=MOTION is none; InputError for bad artefacts, other joints, or no shared clip.
+    Raises: UsageError for a bad NAME=MOTION; InputError for bad artefacts, other joints, or no shared clip.
     """
     check_artefact(config, "metrics")
     with ExitStack() as opened:
@@ -82,8 +83,8 @@ def _left_out(clips: Sequence[str]) -> str:
 def _windows(
     truth: MotionReader, made: dict[str, MotionReader], config: Config
 ) -> tuple[list[tuple[ClipRow, Window]], list[str]]:
-    """Windows of the clips that truth and all others have on the same joints, in frames of the made motions; and the
-    clips that are on others."""
+    """Windows of the clips that truth and all others have on the same joints, in frames of the computed motions; and
+    the clips that are on other joints."""
     first = next(iter(made.values()))
     shared = set.intersection(*({row.clip for row in reader.clips} for reader in made.values()))
     by_archive: dict[str, list[list[Window]]] = defaultdict(list)
@@ -138,9 +139,9 @@ def _rows(
 
 
 def _pair(truth: MotionReader, made: MotionReader, clip: str) -> tuple[Skeleton, tuple[Motion, Motion]]:
-    """The clip's skeleton, its true motion at the made one's rate, and the made one.
+    """The clip's skeleton, its true motion at the computed one's rate, and the computed motion.
 
-    Raises: InputError where they are of another length.
+    Raises: InputError if their lengths differ.
     """
     skeleton, motion = truth.skeleton(truth.row(clip).skeleton), made.motion(clip)
     true = resample(truth.motion(clip), motion.fps)
@@ -153,7 +154,7 @@ def _pair(truth: MotionReader, made: MotionReader, clip: str) -> tuple[Skeleton,
 
 
 def _measurements(skeleton: Skeleton, true: Motion, made: Motion, window: Window) -> Measurements:
-    """On the joints that a cloud sees."""
+    """On the joints that carry points."""
     part = slice(window.start, min(window.start + window.frames, true.frames, made.frames))
     both = [(positions_of(skeleton, motion)[None, part], motion.rotations[None, part]) for motion in (true, made)]
     known = np.ones(both[0][0].shape[1], bool)

@@ -1,4 +1,5 @@
-"""PC-MRL Tables 1 and 3: a skeleton's own motions filled between keyframes, by plain ways and by interpolators."""
+"""PC-MRL Tables 1 and 3: a skeleton's own motions filled between keyframes, by plain interpolation and by
+interpolators."""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ class _Batch:
     rotations: Tensor
 
     def poses(self) -> Poses:
-        """For the plain ways, which work on local rotations and offsets."""
+        """For plain interpolation, which works on local rotations and offsets."""
         above = torch.as_tensor(self.bones.parents[1:], dtype=torch.long)
         steps = self.heads[:, :, 1:] - self.heads[:, :, above]
         offsets = roma.quat_action(roma.quat_conjugation(self.rotations[:, :, above]), steps)
@@ -51,7 +52,7 @@ def interpolation_rows(
 ) -> list[MetricRow]:
     """Every figure of every clip, by category, method and interval.
 
-    Raises: InputError where no clip is long enough, or an interpolator is for another hierarchy.
+    Raises: InputError if no clip is long enough, or an interpolator is for another hierarchy.
     """
     plan = [
         (category, Task(INTERPOLATION, interval, config.window), windows)
@@ -108,7 +109,7 @@ def _batches(reader: TpcReader, windows: list[Window]) -> Iterator[_Batch]:
 
 
 def _filled(batch: _Batch, task: Task, interpolators: dict[str, Interpolator]) -> Iterator[tuple[str, Measurements]]:
-    """Every method's figures of a batch, on the bones that a cloud sees."""
+    """Every method's figures of a batch, on the bones that carry points."""
     known = task.known(batch.heads.shape[1])
     joints = np.flatnonzero(batch.bones.weights > 0)
     truth = Truth(batch.heads.numpy(), batch.rotations.numpy(), known, 0)

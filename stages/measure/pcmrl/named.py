@@ -24,8 +24,8 @@ def named(flag: str, texts: Sequence[str], taken: Sequence[str] = ()) -> dict[st
 
 
 def category_of(row: ClipRow, patterns: dict[str, str]) -> str | None:
-    """The first category whose pattern the clip's source matches, None where there is none; its archive where no
-    categories are asked for."""
+    """The first category whose pattern the clip's source matches, None if there is none; the clip's archive if no
+    categories are given."""
     if not patterns:
         return archive_of(row)
     source = row.source.replace("\\", "/")

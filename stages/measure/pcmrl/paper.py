@@ -1,4 +1,4 @@
-"""The figures that PC-MRL (Mo et al., ECCV 2024) printed in its Tables 1, 2 and 3: for comparison, on other data."""
+"""The figures of Tables 1, 2 and 3 of PC-MRL (Mo et al., ECCV 2024), for comparison; they are on other data."""
 
 from __future__ import annotations
 

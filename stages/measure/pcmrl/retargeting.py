@@ -1,4 +1,4 @@
-"""PC-MRL Table 2: how alike an adapted motion and its source look, as clouds and at the ends of the limbs."""
+"""PC-MRL Table 2: similarity of an adapted motion and its source, as clouds and at the ends of the limbs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def retargeting_rows(
 ) -> list[MetricRow]:
     """L_KNN at every sigma and L_end, of every clip of the source and every adaptation of it.
 
-    Raises: InputError where no clip is long enough or was adapted.
+    Raises: InputError if no clip is long enough, or none was adapted.
     """
     windows = _windows(source, adapted, config)
     progress.start("comparing clouds", len(windows))
@@ -63,7 +63,7 @@ def retargeting_rows(
 
 
 def _windows(source: TpcReader, adapted: dict[str, TpcReader], config: Config) -> list[tuple[str, Window]]:
-    """Windows of source clips that every adaptation has, with their categories."""
+    """Windows of source clips that all adaptations contain, with their categories."""
     shared = set.intersection(*({row.clip for row in reader.clips} for reader in adapted.values()))
     patterns = named("category", config.category)
     clips: dict[str, list[list[Window]]] = {}
@@ -92,7 +92,7 @@ def _read(reader: TpcReader, window: Window) -> Moving:
 def _measurements(
     truth: Moving, others: dict[str, Moving], window: Window, config: Config
 ) -> Iterator[tuple[tuple[str, str, int], float]]:
-    """((method, metric, sigma in mm), value) of a window, in centimetres; L_end stands at sigma 0."""
+    """((method, metric, sigma in mm), value) of a window, in centimetres; L_end has sigma 0."""
     seed = [config.seed, zlib.crc32(window.clip.encode("utf-8", "surrogateescape")), window.start]
     cloud, groups = _clouds(truth, config, [*seed, 0])
     compared = {ORIGINAL: truth, **others}
@@ -127,8 +127,8 @@ def end_distance(one: Moving, other: Moving) -> float:
 
 
 def _ends(moving: Moving) -> dict[str, Tensor]:
-    """By body group, where the bone of the head, a hand or a foot begins, (T, 3): at the tip of the lower one of a
-    limb's two longest bones, so that toes or none make no difference; the spine's last bone is the head."""
+    """By body group, the position where the bone of the head, a hand or a foot begins, (T, 3): the end of the lower
+    one of a limb's two longest bones, so that toes make no difference; the spine's last bone is the head."""
     bones, heads, _ = moving
     lengths = np.linalg.norm(bones.tails, axis=1)
     ends: dict[str, Tensor] = {}

@@ -1,4 +1,4 @@
-"""`pumps measure pcmrl`: what PC-MRL's three tables measure, on the motions at hand."""
+"""`pumps measure pcmrl`: the measurements of PC-MRL's three tables, on given motions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises:
         InputError: an artefact is bad, or has no clip that is long enough; a checkpoint is for another hierarchy.
-        UsageError: a NAME=VALUE is none, or two rows share a name.
+        UsageError: a NAME=VALUE has another form, or two rows have the same name.
     """
     check_artefact(config, "metrics")
     interpolators = {

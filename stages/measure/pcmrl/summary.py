@@ -1,4 +1,4 @@
-"""The page: PC-MRL's tables on the data at hand, the paper's own beneath each."""
+"""The page: PC-MRL's tables on the given data, each followed by the paper's."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _interpolation(
 
 
 def _training(interpolator: Interpolator) -> str:
-    """What an interpolator learnt from, and for how long."""
+    """An interpolator's training data and training time."""
     settings = interpolator.trained
     size = sum(value.numel() for value in interpolator.network.parameters())
     return (
@@ -87,7 +87,7 @@ def _our_rows(found: dict[Key, Cell], scope: str) -> list[tuple[str, tuple[float
 def _nine_table(
     blocks: Sequence[tuple[str, Sequence[tuple[str, Sequence[float | None]]]]], intervals: Sequence[int]
 ) -> Iterator[str]:
-    """Markdown of blocks of rows; the least of each column of a block in bold."""
+    """Markdown of blocks of rows; the least value of each column of a block is bold."""
     header = " | ".join(f"{label} {interval}" for label in _LABELS for interval in intervals)
     lines = [f"| category | method | {header} |", f"|---|---|{'---:|' * (3 * len(intervals))}"]
     for block, rows in blocks:

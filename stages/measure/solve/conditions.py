@@ -1,4 +1,4 @@
-"""Clouds to follow, from true ones to bad ones, each made of a real motion so that the truth is known."""
+"""Clouds to follow, from true ones to bad ones, each drawn on a real motion, so that the truth is known."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ TRUE = "true cloud"
 SCALES = (0.7, 0.85, 1.0, 1.15, 1.3)
 NOISES_MM = (10, 30, 60)
 COUNTS = (64, 128, 512)
-KEYS_EVERY = 15  # of all conditions but the first
-ONE_KEY = 0  # the interval of a clip whose first frame alone is known
+KEYS_EVERY = 15  # of all conditions except the first
+ONE_KEY = 0  # the interval of a clip of which only the first frame is known
 OTHER_BODY = FollowOptions(solve=SolveOptions(point_noise_m=0.01, rigid_start=True, slack_m=0.1), scale=None)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A cloud and what it should come to.
+    """A cloud and the motion that should result.
 
-    points: (T, P, 3) in random order; groups: (P,). options: what is known of the cloud beforehand.
+    points: (T, P, 3) in random order; groups: (P,). options: what the solve knows of the cloud.
     """
 
     skeleton: Skeleton
@@ -45,7 +45,8 @@ class Case:
 
 @dataclass(frozen=True)
 class Condition:
-    """name: as tables have it. interval: frames between keys, or `ONE_KEY`. make: from a motion and a generator."""
+    """name: in tables. interval: frames between keys, or `ONE_KEY`. make: builds a case from a motion and a
+    generator."""
 
     name: str
     interval: int
@@ -53,12 +54,12 @@ class Condition:
 
 
 def conditions_of(config: Config) -> list[Condition]:
-    """All that is measured, in order. True clouds come first, once for each interval."""
+    """All measured conditions, in order. True clouds come first, once for each interval."""
     return [condition for name in dict.fromkeys(config.conditions) for condition in _OF[name](config)]
 
 
 def known_every(frames: int, interval: int) -> np.ndarray:
-    """(frames,) bool: every so many frames and the last one, or for `ONE_KEY` the first alone."""
+    """(frames,) bool: every so many frames and the last one, or for `ONE_KEY` only the first."""
     known = np.zeros(frames, bool)
     known[:: interval or frames] = True
     known[-1] |= bool(interval)
@@ -78,7 +79,8 @@ def _case(
     source: Rigged | None = None,
     options: FollowOptions | None = None,
 ) -> Case:
-    """A cloud drawn on the motion (or on `source`, another body in the same pose) and spoilt as asked."""
+    """A cloud drawn on the motion (or on `source`, another body in the same pose) and damaged as the condition
+    says."""
     body = source or rigged
     drawn = draw_on_skeleton(body.skeleton, points or config.points, rng, config.sigma_m)
     order = torch.as_tensor(rng.permutation(len(drawn.groups)))
@@ -155,7 +157,7 @@ _OF: dict[str, Callable[[Config], Iterator[Condition]]] = {
 
 
 def shortened(motion: Motion, seconds: float) -> Motion:
-    """So many seconds from the middle of a motion, or all of a shorter one."""
+    """A part of this many seconds from the middle of a motion, or all of a shorter one."""
     frames = min(motion.frames, round(seconds * motion.fps))
     first = (motion.frames - frames) // 2
     return motion.at(slice(first, first + frames))

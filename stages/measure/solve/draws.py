@@ -1,4 +1,4 @@
-"""A clip's own random draws, the same in whatever company it is measured."""
+"""A clip's own random draws, independent of the other measured clips."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ from data_schemas.clips import ClipRow
 
 
 def rng_of(seed: int, row: ClipRow) -> np.random.Generator:
-    """The generator of a clip's cloud and of what is done to it."""
+    """The generator of a clip's cloud and of the changes to it."""
     return np.random.default_rng([seed, zlib.crc32(row.clip.encode("utf-8", "surrogateescape"))])

@@ -33,8 +33,8 @@ def keep_motions(
 ) -> list[Path]:
     """Write FOLDER/ARCHIVE/METHOD, a motion artefact each, and FOLDER/ARCHIVE/truth; what was written.
 
-    A method that cannot move an archive's rig has none there. Spaces in names become dashes, since `make` would take
-    them for two files.
+    A method that cannot move an archive's rig has no artefact there. Spaces in names become dashes, since `make`
+    would read such a name as two files.
     """
     written = []
     for archive, rows in clips.items():

@@ -1,4 +1,5 @@
-"""The figures of a followed cloud: errors on the bones that clouds see, and properties beside the truth's."""
+"""The figures of a followed cloud: errors on the bones that carry points, and properties compared with the
+truth's."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ LABELS = {
 
 
 def measurements_of(skeleton: Skeleton, truth: Motion, made: Motion) -> dict[str, float]:
-    """All figures of one clip; those that the clip cannot tell are left out."""
+    """All figures of one clip; those that cannot be measured on the clip are left out."""
     joints = np.flatnonzero(skeleton.sampled)
     places, true_places = positions_of(skeleton, made), positions_of(skeleton, truth)
     p, p_true = places[:, joints], true_places[:, joints]
@@ -42,6 +43,6 @@ def jerk(positions: np.ndarray) -> float:
 
 
 def skate_mps(skeleton: Skeleton, truth: np.ndarray, made: np.ndarray, fps: float) -> float:
-    """Foot skate of positions (T, J, 3) while the true feet stand, metres a second; NaN where they never do."""
+    """Foot skate of positions (T, J, 3) while the true feet stand, metres a second; NaN if they never stand."""
     feet = find_feet(skeleton)
     return foot_skate_mps(made, detect_contacts(truth, feet, fps), feet, fps)

@@ -1,4 +1,5 @@
-"""What turns a cloud and a few known poses into a motion: slerp, which sees no cloud; the solve; networks of rigs."""
+"""Methods that compute a motion from a cloud and a few known poses: slerp, which ignores the cloud; the solve; rig
+networks."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ SLERP, SOLVE = "slerp", "solve"
 
 @dataclass(frozen=True)
 class Method:
-    """A row of the tables. make: from a case to a motion of as many frames, or None where it cannot."""
+    """A row of the tables. make: computes a motion from a case, with the same number of frames, or returns None if it
+    cannot."""
 
     name: str
     make: Callable[[Case], Motion | None]
@@ -31,7 +33,7 @@ class Method:
 
 
 def methods_of(config: Config) -> list[Method]:
-    """All methods. Raises UsageError where a network has no name of its own, InputError where it cannot be read."""
+    """All methods. Raises UsageError if two networks have the same name, InputError if one cannot be read."""
     device = choose_device(config.device)
     methods = [Method(SLERP, slerp), Method(SOLVE, lambda case: solve(case, device))]
     for text in config.networks:
@@ -47,7 +49,7 @@ def methods_of(config: Config) -> list[Method]:
 
 
 def slerp(case: Case) -> Motion:
-    """Great circles between the keys, which are all it sees."""
+    """Slerp between the keys, its only input."""
     keys = np.flatnonzero(case.known)
     pose = pose_of_motion(case.skeleton, case.motion.at(keys))
     gaps = np.flatnonzero(~case.known)
@@ -56,13 +58,13 @@ def slerp(case: Case) -> Motion:
 
 
 def solve(case: Case, device: torch.device | str = "cpu") -> Motion:
-    """Positions, body groups and the keys' poses, nothing else."""
+    """Its input is positions, body groups and the keys' poses only."""
     points, groups = case.points.to(device), case.groups.to(device)
     return follow_cloud(case.skeleton, case.motion, case.known, points, groups, case.options).motion
 
 
 def by_network(case: Case, network: RigNetwork, decode: Callable[..., Motion] = decode_cloud) -> Motion | None:
-    """The cloud alone, no keys; only where the network's rig is the case's own.
+    """Its input is the cloud without keys; only if the network's rig is that of the case.
 
     Args: decode: `decode_cloud`, or `solve_from_network`, whose solve starts from the network's pose.
     """

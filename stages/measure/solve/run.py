@@ -1,4 +1,4 @@
-"""`pumps measure solve`: follow clouds whose motion is known, good clouds and bad ones, and measure."""
+"""`pumps measure solve`: follow good and bad clouds whose motion is known, and measure the result."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises:
         InputError: the motion artefact is bad or has no clip of these splits that is long enough.
-        UsageError: a network has no name of its own.
+        UsageError: two networks have the same name.
     """
     check_artefact(config, "metrics")
     if config.made is not None:
@@ -75,7 +75,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 def chosen_clips(reader: MotionReader, config: Config) -> dict[str, list[ClipRow]]:
-    """Clips to measure, by archive, of those that are long enough."""
+    """Clips to measure that are long enough, by archive."""
     found: dict[str, list[ClipRow]] = {}
     for row in sorted(reader.clips, key=lambda row: (archive_of(row), row.clip)):
         if row.split in config.splits and resampled_frames(row.frames, row.fps, MODEL_FPS) >= LEAST_FRAMES:
@@ -89,7 +89,7 @@ def chosen_clips(reader: MotionReader, config: Config) -> dict[str, list[ClipRow
 
 
 def spread(rows: Sequence[ClipRow], count: int) -> list[ClipRow]:
-    """So many of the rows, spread evenly; 0 for all."""
+    """At most this many rows, spread evenly; 0 for all."""
     if not count or len(rows) <= count:
         return list(rows)
     return [rows[(2 * i + 1) * len(rows) // (2 * count)] for i in range(count)]
@@ -97,7 +97,8 @@ def spread(rows: Sequence[ClipRow], count: int) -> list[ClipRow]:
 
 @dataclass
 class _Pace:
-    """Frames made and seconds spent, by method, with true clouds. Not part of the artefact: it changes by the run."""
+    """Computed frames and seconds, by method, with true clouds. Not part of the artefact, since it differs between
+    runs."""
 
     frames: Counter[str] = field(default_factory=Counter)
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))

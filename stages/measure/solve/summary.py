@@ -1,4 +1,4 @@
-"""`summary.md` of `pumps measure solve`: true clouds by archive, and what each fault of a cloud costs."""
+"""`summary.md` of `pumps measure solve`: true clouds by archive, and the error from each fault of a cloud."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def fault_table(rows: Sequence[MetricRow]) -> list[str]:
 
 
 def terminal_lines(rows: Sequence[MetricRow]) -> list[str]:
-    """What a person reads first, all archives together; of worse clouds only what follows them."""
+    """The main table, all archives together; for worse clouds only methods that follow clouds."""
     lines = []
     for task, interval in _in_order((row.task, row.interval) for row in rows):
         here = [row for row in rows if row.task == task]

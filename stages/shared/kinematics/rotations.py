@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Array = TypeVar("Array", np.ndarray, Tensor)
 
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # product with a unit quaternion: its inverse
-_LINE_IS_ARC = {4: 1e-4, 8: 1e-6}  # by bytes of a number: the sine of an angle below which slerp takes the line
+_LINE_IS_ARC = {4: 1e-4, 8: 1e-6}  # by bytes of a number: below this sine, slerp is linear
 _OPPOSITE = 1e-7  # directions that sum to less than this are opposite
 
 

@@ -145,7 +145,7 @@ def _levels_of(
         if level + 1 < levels:
             kept = _farthest_rows(places, apart, quarter(places.shape[1]))
             centres.append(kept)
-            # Distances are symmetric: rows are taken twice, which copies runs of memory and not numbers one by one.
+            # Distances are symmetric: rows are indexed twice, which copies contiguous memory and not single numbers.
             places, apart = places[rows, kept], apart[rows, kept].transpose(0, 2, 1)[rows, kept]
     return neighbours, centres
 
@@ -153,9 +153,9 @@ def _levels_of(
 def _nearest_columns(apart: np.ndarray, count: int) -> np.ndarray:
     """Columns of the `count` smallest values in every row of (N, P, P), int64, in no order; the first of equal ones.
 
-    Floats of one sign order as their bits do. Where a column takes the place of the last bits, a selected key tells
-    its column, and selecting 32 bits is twice as fast as 64. The few rows in which what is left of the bits does not
-    tell the last of the nearest from the next are selected again by all bits.
+    Floats of one sign are ordered like their bits. The column replaces the last bits, so a selected key contains its
+    column, and selecting 32 bits is twice as fast as 64. The few rows in which the remaining bits do not separate the
+    last of the nearest from the next are selected again by all bits.
     """
     points = apart.shape[-1]
     if count >= points:

@@ -16,7 +16,7 @@ from stages.train.ae.task import AutoencoderTask
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Train the autoencoder of clouds.
 
-    Raises: InputError for a bad tpc artefact, PumpsError where the loss stops being a number.
+    Raises: InputError for a bad tpc artefact, PumpsError if the loss is not a number.
     """
     check_artefact(config, "checkpoint")
     with TpcReader(config.tpc) as reader:

@@ -1,4 +1,4 @@
-"""Training the autoencoder of clouds (PUMPS 3.1, 3.2): what a batch, the loss and the validation are."""
+"""Training the autoencoder of clouds (PUMPS 3.1, 3.2): batches, loss, validation."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ class CloudDrawer:
     def clouds(
         self, windows: Windows, rng: np.random.Generator, *, augment: bool, copies: int = 1, even: bool = False
     ) -> list[CloudBatch]:
-        """Clouds of the windows; further copies are other draws of points with the same groups, placed alike."""
+        """Clouds of the windows; further copies are other draws of points with the same groups and the same
+        placement."""
         config = self.config
         centre = known_centre(windows.heads, windows.valid)
         sigma = (config.sigma_min_m, config.sigma_max_m)
@@ -87,7 +88,7 @@ class AutoencoderTask(TrainingTask[AutoencoderNetworks]):
     def __init__(self, config: Config, pool: WindowPool, held_back: WindowPool, device: torch.device):
         self.config, self.device = config, device
         self._drawer = CloudDrawer(config, pool)
-        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
+        torch.manual_seed(config.seed)  # weights are drawn only here; parameters have no other generator
         self.networks = AutoencoderNetworks(config).to(device)
         rng = np.random.default_rng((HELD_BACK_SEED, 7))
         windows = held_back.draw(32, config.window, rng, augment=False)
@@ -117,7 +118,7 @@ class AutoencoderTask(TrainingTask[AutoencoderNetworks]):
         made, points, groups, valid, divergence = self._reconstruct(batch, generator)
         count = self.config.loss_points
         if 0 < count < points.shape[2]:
-            # Noise and points are drawn independently, so any subset is as good; groups stay equal on both sides.
+            # Noise and points are drawn independently, so any subset can be used; groups stay equal on both sides.
             made, points, groups = made[:, :, :count], points[:, :, :count], groups[:, :count]
         choose_pairs = nearest_differences if self.config.loss == "chamfer" else paired_difference
         moving, static = split_over_time(choose_pairs(made, points, groups, valid) / _UNIT_M, valid)
@@ -150,7 +151,8 @@ class AutoencoderTask(TrainingTask[AutoencoderNetworks]):
 
 
 def split_over_time(apart: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean square of pairs' differences (B, T, P, 3), split in what varies over time and what is constant."""
+    """Mean square of pairs' differences (B, T, P, 3), split into the part that varies over time and the constant
+    part."""
     keep = valid[..., None, None].to(apart.dtype)
     frames = keep.sum(1, keepdim=True).clamp_min(1)
     constant = (apart * keep).sum(1, keepdim=True) / frames

@@ -16,8 +16,7 @@ from stages.train.citl.task import InterpolatorTask
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Train the interpolator.
 
-    Raises: InputError for a bad tpc artefact or one of several hierarchies, PumpsError where the loss stops being a
-        number.
+    Raises: InputError for a bad tpc artefact or one of several hierarchies, PumpsError if the loss is not a number.
     """
     check_artefact(config, "checkpoint")
     with TpcReader(config.tpc) as reader:

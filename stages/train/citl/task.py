@@ -22,7 +22,7 @@ from stages.shared.training.windows import WindowPool, Windows
 from stages.train.citl.config import Config
 
 _VALIDATION_WINDOWS = 32
-_LEAST = 1e-6  # under the root: where prediction and truth meet, the slope stays finite
+_LEAST = 1e-6  # under the root: keeps the slope finite if prediction equals truth
 
 
 @dataclass
@@ -65,7 +65,7 @@ class PoseDrawer:
         return pose_batch(windows, known)
 
     def _on_other_rest_poses(self, windows: Windows, rng: RowRandom) -> Windows:
-        """Half of the windows on a random rest pose each (PC-MRL 3.4); the others stay what they are."""
+        """Half of the windows get a random rest pose each (PC-MRL 3.4); the others are unchanged."""
         parents = self.parents
         above = torch.as_tensor(parents[1:], dtype=torch.long)
         heads, rotations = windows.heads[:, 0], windows.rotations[:, 0]
@@ -123,8 +123,8 @@ class InterpolatorTask(TrainingTask[PoseInterpolator]):
         return PoseWindows(heads, rotations, batch.truth.tails)
 
     def loss(self, batch: PoseBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, float]]:
-        """L2P and L2Q of the missing frames, as they are measured: roots, not squares, which would learn long gaps
-        alone."""
+        """L2P and L2Q of the missing frames, as in evaluation. They are roots; with squares only long gaps would be
+        learnt."""
         batch = batch.to(self.device)
         made = errors_of(self._made(batch), batch)
         with torch.no_grad():
@@ -156,7 +156,7 @@ def errors_of(found: PoseWindows, batch: PoseBatch) -> dict[str, Tensor]:
 
 
 def one_hierarchy(pool: WindowPool) -> tuple[np.ndarray, np.ndarray]:
-    """Parents and body groups (J,) of the pool's skeletons, which must agree. Raises: InputError where not."""
+    """Parents and body groups (J,) of the pool's skeletons, which must agree. Raises InputError otherwise."""
     parents, groups = pool.parents.numpy(), pool.groups.numpy()
     if (parents != parents[0]).any() or (groups != groups[0]).any():
         raise InputError(

@@ -12,9 +12,10 @@ from stages.shared.training.config import TrainingConfig
 
 
 class NewSizes(SynthesiserSizes):
-    """Sizes of new trainings: beyond the keys their base moves on. Weights trained before hold it."""
+    """Sizes of new trainings: beyond the keys their base continues to move. Weights trained before hold it."""
 
-    # On validation clips (docs/log.md, 2026-11-28): a place keeps its speed for about a second, a turn does not.
+    # On validation clips (docs/log.md, 2026-11-28): a position keeps its speed for about a second, a rotation does
+    # not.
     glide_root_s: float = Field(
         default=0.8,
         ge=0,

@@ -1,4 +1,4 @@
-"""What a step of the synthesiser's training draws: windows, which frames are known, clouds and their base."""
+"""The draws of a step of the synthesiser's training: windows, known frames, clouds and their base."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from stages.train.lms.encoding import WindowEncoder
 from stages.train.lms.fill_batch import FillBatch, KeptBatch
 from stages.train.lms.kept_windows import KeptWindows, Schedule
 
-# Windows to validate on, in parts; with 32 in all, noise of a hundredth chose the best step.
+# Windows to validate on, in parts; with only 32, noise of a hundredth decided the best step.
 _HELD_BACK = (32, 32, 32)
 
 
 class FillDrawer:
-    """Draws the steps' windows. Steps that draw none name the rows that learn from kept windows."""
+    """Draws the steps' windows. Steps that draw none name the rows that use kept windows."""
 
     def __init__(self, config: Config, pool: WindowPool, schedule: Schedule):
         self.config, self.pool, self.schedule = config, pool, schedule
@@ -41,7 +41,7 @@ class FillDrawer:
     def fresh(self, rng: RowRandom) -> FillBatch:
         """Windows of this step, drawn now."""
         config = self.config
-        # Each window's own chance, not a turn of the steps: `reuse` draws afresh at some steps alone.
+        # Decided for each window, not by the number of the step, since with `reuse` only some steps draw.
         as_recorded = np.array([row.random() < config.recorded_share for row in rng.rows])
         windows = self.pool.draw(
             len(rng.rows),
@@ -57,8 +57,9 @@ class FillDrawer:
 
 
 class EncodingDrawer:
-    """Draws in a process of its own, on a CPU: it encodes what it draws and keeps it on the disk. That is most of the
-    work, done beside the steps. Pickle it before the first draw, which loads the encoder."""
+    """Draws in a process of its own, on a CPU: it encodes the windows that it draws and keeps them on the disk. This
+    is most of the work, and runs in parallel with the steps. Pickle it before the first draw, which loads the
+    encoder."""
 
     def __init__(self, drawer: FillDrawer, kept: KeptWindows):
         self.drawer, self.kept = drawer, kept

@@ -1,4 +1,5 @@
-"""Clouds to what the synthesiser learns from: latents of the truth and of the base, by the frozen autoencoder."""
+"""From clouds to the synthesiser's training data: latents of the truth and of the base, from the frozen
+autoencoder."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from stages.train.lms.fill_batch import FillBatch
 from stages.train.lms.kept_windows import LatentBatch
 
 _IDENTITIES = 7  # the purpose of the generators
-# Clouds encoded in one call: a GPU wants much work at once, a CPU what stays in its caches.
+# Clouds encoded in one call: many for a GPU, on a CPU as many as fit in its caches.
 _FRAMES_AT_ONCE = {"cuda": 32768}
 _FRAMES_AT_ONCE_CPU = 4096
 
@@ -60,9 +61,9 @@ class WindowEncoder:
         return made.view(batch, pieces * length, -1, 3)[:, :frames]
 
     def encode(self, batch: FillBatch) -> LatentBatch:
-        """Latents of a batch and of its base, and what the decoder makes of both."""
+        """Latents of a batch and of its base, and the decoded clouds of both."""
         device = self.device
-        # Which frames to encode is known on the CPU: asking a GPU would wait for it.
+        # The frames to encode are known on the CPU: reading them from a GPU would wait for it.
         valid_rows, missing_rows = (
             onto(mask.flatten().nonzero().squeeze(1), device) for mask in (batch.valid, batch.valid & ~batch.known)
         )
@@ -76,7 +77,7 @@ class WindowEncoder:
             every = torch.arange(frames, device=device).expand_as(known)
             base = interpolate_known(latents, known, every), interpolate_known(centroids, known, every)
         else:
-            # The base equals the truth at the keys, so only the missing frames of it are encoded.
+            # The base equals the truth at the keys, so only its missing frames are encoded.
             base = latents.clone(), centroids.clone()
             self._encode_into(*base, batch.base, groups, missing_rows)
         identities = self.decoder.draw_noise(len(known), point_groups.shape[1], self._identity_random(batch))
@@ -89,7 +90,8 @@ class WindowEncoder:
         )  # fmt: skip
 
     def _identity_random(self, batch: FillBatch) -> torch.Generator:
-        """Of the decoded points' identities; a window keeps them for its round, so that the truth is decoded once."""
+        """Generator of the decoded points' identities; a window keeps them for its round, so that the truth is
+        decoded once."""
         if batch.step < 0:
             return torch.Generator(device=self.device).manual_seed(0)
         return step_generator(self.config.seed, _IDENTITIES, batch.step, batch.rows, self.device)

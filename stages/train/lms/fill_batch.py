@@ -1,4 +1,4 @@
-"""The batches of the synthesiser's training, as they are drawn."""
+"""The batches of the synthesiser's training, before encoding."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class FillBatch:
 
 @dataclass
 class KeptBatch:
-    """Rows of a batch whose windows are kept, encoded: drawn at earlier steps, or by the process that draws ahead."""
+    """Rows of a batch whose encoded windows are kept: drawn at earlier steps, or by the process that draws ahead."""
 
     step: int
     rows: tuple[int, ...]

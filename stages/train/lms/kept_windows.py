@@ -1,9 +1,9 @@
-"""Windows that cost much to encode serve in several steps: which step learns from which, and where they lie.
+"""Windows that are slow to encode are used in several steps: which step uses which, and their files.
 
-A window that comes back within a few hundred steps is known by heart: passes over the same 512 windows in a row had
-0.83 of the base's error in the first and 0.43 in the sixth, and taught little. So what is drawn is kept for thousands
-of steps, on the disk, and a step that draws nothing takes each row from another of the draws that are kept. (Data
-echoing with a large buffer, Choi et al. 2019.)
+A window that comes back within a few hundred steps is memorised: consecutive passes over the same 512 windows had
+0.83 of the base's error in the first and 0.43 in the sixth, and improved validation little. So draws are kept on the
+disk for thousands of steps, and a step that draws nothing takes each row from another kept draw. (Data echoing with a
+large buffer, Choi et al. 2019.)
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from torch import Tensor
 from data_schemas.errors import PumpsError
 
 _ORDER = 3  # the purpose of the generators
-_FIRST = 8  # a share of what is kept, one in so many, is drawn before anything is seen again
+_FIRST = 8  # this share of the kept draws (one in so many) is drawn before any is used again
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """Which steps draw windows, and whose windows the others learn from.
+    """The steps that draw windows, and the draws that the other steps use.
 
     reuse: steps for each draw; 1 draws at every step. kept: draws kept. seed: of the training.
     """
@@ -41,12 +41,12 @@ class Schedule:
         return max(1, self.kept // _FIRST)
 
     def draws_afresh(self, step: int) -> bool:
-        """Whether a step's windows are its own."""
+        """Whether a step draws its own windows."""
         return step < self._first or step % self.reuse == 0
 
     def source(self, step: int, row: int) -> int:
-        """The step that drew what `row` of the batch learns from at `step`: a row of the same number, so that a
-        process that holds some rows needs no others."""
+        """The step that drew the window of `row` of the batch at `step`. Its row has the same number, so that a
+        process with some rows needs no others."""
         if self.draws_afresh(step):
             return step
         count = self._count(step)
@@ -54,11 +54,11 @@ class Schedule:
         return self._step_of(int(random.integers(max(0, count - self.kept), count)))
 
     def oldest(self, step: int) -> int:
-        """The step of the oldest draw that `step` or a later one may learn from."""
+        """The step of the oldest draw that `step` or a later one may use."""
         return self._step_of(max(0, self._count(step) - self.kept))
 
     def _count(self, step: int) -> int:
-        """Draws up to and with a step."""
+        """Number of draws up to and including a step."""
         first = self._first
         return min(step + 1, first) + max(0, step // self.reuse - (first - 1) // self.reuse)
 
@@ -69,9 +69,9 @@ class Schedule:
 
 @dataclass
 class LatentBatch:
-    """What is learnt from: latents (B, T, D) and centroids (B, T, 3) metres of the true clouds and of the base,
-    groups (B, P), known and valid (B, T). Then what the frozen decoder makes of them: the decoded points' identities
-    (B, P, Z), the true latents' clouds (B, T, P, 3) and the base's mean square distance to them (B, T)."""
+    """Encoded windows: latents (B, T, D) and centroids (B, T, 3) metres of the true clouds and of the base, groups
+    (B, P), known and valid (B, T). Then the frozen decoder's results: the decoded points' identities (B, P, Z), the
+    true latents' clouds (B, T, P, 3) and the base's mean square distance to them (B, T)."""
 
     latents: Tensor
     centroids: Tensor
@@ -90,7 +90,7 @@ class LatentBatch:
 
 
 class KeptWindows:
-    """Encoded windows on the disk, a file for each draw; a file is there whole or not at all.
+    """Encoded windows on the disk, a file for each draw; a file is written completely or not at all.
 
     Latents and clouds (about their centroids) are kept in half precision: 0.1 MB for 96 frames of 64 points.
     """
@@ -99,7 +99,7 @@ class KeptWindows:
         self.folder = folder
 
     def put(self, step: int, rows: Sequence[int], batch: LatentBatch) -> None:
-        """Keep the windows that some rows drew at a step. Raises PumpsError where they cannot be written."""
+        """Keep the windows that some rows drew at a step. Raises PumpsError if they cannot be written."""
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self._path(step, rows)
         unfinished = path.with_suffix(f".{os.getpid()}")
@@ -121,7 +121,7 @@ class KeptWindows:
         return self._path(step, rows).is_file()
 
     def take(self, steps: Sequence[int], rows: Sequence[int]) -> LatentBatch:
-        """For each of the rows what it drew at its own one of `steps`. All must be held."""
+        """For each row, its draw at its step in `steps`. All must be kept."""
         parts: list[dict[str, Tensor]] = []
         names = [each.name for each in fields(LatentBatch)]
         for place, step in enumerate(steps):

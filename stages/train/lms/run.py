@@ -19,8 +19,7 @@ from stages.train.lms.task import SynthesiserTask
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Train the latent motion synthesiser with the frozen encoder.
 
-    Raises: InputError for a bad artefact or latents of another encoder, PumpsError where the loss stops being a
-        number.
+    Raises: InputError for a bad artefact or latents of another encoder, PumpsError if the loss is not a number.
     """
     check_artefact(config, "checkpoint")
     autoencoder = load_autoencoder(config.ae, config.device)

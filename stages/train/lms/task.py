@@ -1,9 +1,9 @@
 """Training the latent motion synthesiser with a frozen encoder (PUMPS 3.3): batches, loss, validation.
 
-Latents are encoded from freshly drawn points of augmented windows, and serve in `reuse` steps: breadth is what a
-small synthesiser lacks first. What it learns is a residual on the latents of the skeleton's own plain interpolation
-of the keys (`SynthesiserSizes.base`), encoded from the same points, so that what the autoencoder gets wrong in both
-cancels.
+Latents are encoded from newly drawn points of augmented windows, since a small synthesiser needs varied data most,
+and are used in `reuse` steps. The synthesiser learns a residual on the latents of the skeleton's plain interpolation
+of the keys (`SynthesiserSizes.base`), encoded from the same points, so that errors that the autoencoder makes in both
+cancel.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from stages.train.lms.encoding import WindowEncoder, mean_squares
 from stages.train.lms.fill_batch import FillBatch, KeptBatch
 from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
 
-_LEAST_M = 0.005  # a cloud this near to the truth pulls no more
+_LEAST_M = 0.005  # clouds nearer than this to the truth have little gradient
 _LEAST_LATENT = 0.1
-_UNIT_M = 0.05  # clouds' distances are learnt in units of this, which makes them about as large as the latents'
+_UNIT_M = 0.05  # unit of clouds' distances in the loss, which makes them about as large as the latents'
 
 
 class SynthesiserTask(TrainingTask[LatentSynthesiser]):
@@ -67,7 +67,7 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
             if not self.kept.holds(step, rows):
                 self.kept.put(step, rows, self.frozen.encode(batch))
         if self.schedule.draws_afresh(step):
-            # What a resumed run needs again is kept, too.
+            # Draws that a resumed run needs again are kept too.
             self.kept.forget_before(self.schedule.oldest(max(0, step - self.config.checkpoint_every)))
         steps = [self.schedule.source(step, row) for row in rows]
         for source in sorted(set(steps)):
@@ -77,7 +77,7 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
 
     def _errors(self, batch: LatentBatch) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
         """Missing frames' mean errors (scalars) of the network and of the base alone: `cloud`, between the clouds
-        decoded from the made and from the true latents, metres, and `latent`."""
+        decoded from the synthesised and from the true latents, metres, and `latent`."""
         known, valid, latents = batch.known, batch.valid, batch.latents
         missing = valid & ~known
         times = torch.arange(known.shape[1], device=self.device).unsqueeze(0)
@@ -98,8 +98,8 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
         return errors[0], errors[1]
 
     def loss(self, batch: FillBatch | KeptBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
-        """Frames' root mean square errors, not squares, which would learn long gaps alone. The clouds' error is the
-        one that a user sees; the latents' own (PUMPS 3.3) also asks for what the decoder does not look at."""
+        """Root mean square errors of frames; with squares only long gaps would be learnt. The clouds' error is the
+        error that a user sees; the latents' error (PUMPS 3.3) also counts features that the decoder does not use."""
         made, base = self._errors(self._latents_of(batch))
         value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
         return value, {f"{name}_of_base": made[name].detach() / base[name] for name in made}
@@ -122,6 +122,6 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
 
 
 def _mean_root(square: Tensor, least: float, missing: Tensor) -> Tensor:
-    """Mean over missing frames (B, T) of the roots of mean squares (B, T); below `least` the root flattens out."""
+    """Mean over missing frames (B, T) of the roots of mean squares (B, T); below `least` its slope falls to zero."""
     root = (square + least**2).sqrt() - least
     return (root * missing).sum() / missing.sum().clamp_min(1)

@@ -19,9 +19,9 @@ from stages.train.skeleton.task import SkeletonTask
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Train the network. The checkpoint carries the rig, so that its output can be written without the rig's file.
+    """Train the network. The checkpoint contains the rig, so that its output can be written without the rig's file.
 
-    Raises: InputError for a bad rig or tpc artefact, PumpsError where the loss stops being a number.
+    Raises: InputError for a bad rig or tpc artefact, PumpsError if the loss is not a number.
     """
     check_artefact(config, "checkpoint")
     if config.size_min > config.size_max:

@@ -1,4 +1,4 @@
-"""Windows of motion out of several `tpc` artefacts, of any mix of skeletons."""
+"""Windows of motion from several `tpc` artefacts, of any mix of skeletons."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class MixedPool:
     def draw(
         self, batch: int, window: int, rng: np.random.Generator, *, augment: bool, proportions: float = 1.0
     ) -> Windows:
-        """As `WindowPool.draw`; each window's artefact, too, is drawn from its own generator."""
+        """As `WindowPool.draw`; each window's artefact is also drawn from the window's own generator."""
         if len(self.pools) == 1:
             return self.pools[0].draw(batch, window, rng, augment=augment, proportions=proportions)
         rows = rows_of(rng, batch)
@@ -42,9 +42,9 @@ class MixedPool:
 
 
 def pools_of(readers: Sequence[TpcReader], config: TrainingConfig) -> tuple[MixedPool, MixedPool]:
-    """Windows to train on and to validate on; where no clip is marked for validation, the training clips serve.
+    """Windows to train on and to validate on; without validation clips, the training clips are used.
 
-    The readers must stay open as long as the pools are used. Raises: InputError where there is nothing to train on.
+    The readers must stay open as long as the pools are used. Raises: InputError if there are no training clips.
     """
     cache_mb = config.cache_mb / len(readers)
     training = MixedPool(
@@ -62,7 +62,7 @@ def _held_back(reader: TpcReader) -> WindowPool | None:
 
 
 def joined(windows: Sequence[Windows], order: np.ndarray) -> Windows:
-    """Windows of several batches as one, in another order; rows of bones are padded to the most."""
+    """Windows of several batches as one, in another order; rows of bones are padded to the largest number."""
     index = torch.from_numpy(order)
     bones = max(each.parents.shape[1] for each in windows)
 

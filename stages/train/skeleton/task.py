@@ -1,7 +1,7 @@
-"""Training the network from clouds to a rig (PC-MRL 3.2): what a batch, the loss and the validation are.
+"""Training the network from clouds to a rig (PC-MRL 3.2): batches, loss, validation.
 
-The source's cloud is scaled by a little (`size_min` to `size_max`) and never to the rig's own size: the paper
-compares clouds in metres and normalises nothing, so a tall dancer on a short rig is as near as that rig can come.
+The source's cloud is scaled slightly (`size_min` to `size_max`) and never to the rig's own size. The paper compares
+clouds in metres without normalising, so a short rig follows a tall dancer only as far as its size allows.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from stages.train.skeleton.config import Config
 from stages.train.skeleton.sources import MixedPool
 
 _HELD_BACK = 32  # windows to validate on
-_SIGMA_M = 0.05  # of clouds to validate with, as PC-MRL 4.2 has it
+_SIGMA_M = 0.05  # of clouds to validate with, as in PC-MRL 4.2
 
 
 @dataclass
 class SourceBatch:
     """points (B, T, P, 3) metres, groups (B, P), sigma (B,), valid (B, T); heads (B, T, J, 3) of the source's bones
-    in the same place; ends (B, T, 5, 3) where head, hands and feet begin and has_end (B, 5) whether there is one."""
+    in the same place; ends (B, T, 5, 3), the positions where head, hands and feet begin, and has_end (B, 5), whether
+    there is one."""
 
     points: Tensor
     groups: Tensor
@@ -50,7 +51,7 @@ class SourceDrawer:
 
     @property
     def drawn_points(self) -> int:
-        """Points of a source's cloud: what the network sees are the first of them."""
+        """Points of a source's cloud; the network gets the first of them."""
         return max(self.config.points, self.config.loss_points)
 
     def draw(self, rng: RowRandom) -> SourceBatch:
@@ -89,7 +90,7 @@ class SkeletonTask(TrainingTask[SkeletonNetwork]):
     def __init__(self, config: Config, rig: Rig, pool: MixedPool, held_back: MixedPool, device: torch.device):
         self.config, self.rig, self.device = config, rig, device
         self._drawer = SourceDrawer(config, pool)
-        torch.manual_seed(config.seed)  # the one place where weights are drawn; parameters have no other generator
+        torch.manual_seed(config.seed)  # weights are drawn only here; parameters have no other generator
         self.networks = SkeletonNetwork(rig.body, config.encoder, config.network).to(device)
         body = rig.body
         self.ends = end_bones(body.parents, body.groups.numpy(), body.tails.numpy(), body.weights.numpy())
@@ -137,14 +138,14 @@ class SkeletonTask(TrainingTask[SkeletonNetwork]):
         return loss, {name: value.detach() for name, value in terms.items()}
 
     def _end_distance(self, batch: SourceBatch, pose: RigPose) -> Tensor:
-        """L_end of head, hands and feet, summed over those that both have, metres."""
+        """L_end of head, hands and feet, summed over the ends that both have, metres."""
         there = torch.tensor([end >= 0 for end in self.ends])
         ends = pose.heads[:, :, [max(end, 0) for end in self.ends]]
         pairs = (batch.has_end & there).to(self.device)
         return end_effector_loss(ends, batch.ends.to(self.device), pairs, batch.valid.to(self.device))
 
     def _cloud_terms(self, batch: SourceBatch, own: DrawnPoints, pose: RigPose) -> dict[str, Tensor]:
-        """Distances of the source's cloud and the rig's: places, shapes of body groups, velocities."""
+        """Distances of the source's cloud and the rig's: positions, shapes of body groups, velocities."""
         config = self.config
         source, groups, valid = (part.to(self.device) for part in (batch.points, batch.groups, batch.valid))
         made = own.place(pose.heads, pose.rotations)
@@ -195,7 +196,7 @@ class SkeletonTask(TrainingTask[SkeletonNetwork]):
 
 
 def resized(cloud: CloudDraws, size: Tensor) -> CloudDraws:
-    """The same draws with figures scaled to `size` (B,) of their own, whatever size was drawn before."""
+    """The same draws with windows scaled to `size` (B,), in place of the size drawn before."""
     before = torch.linalg.det(cloud.turn).abs().pow(1 / 3)
     return replace(cloud, turn=cloud.turn * (size / before).view(-1, 1, 1))
 

@@ -1,7 +1,7 @@
 """`pumps weights average`: several trainings that started from the same weights in, their mean out.
 
-Trainings from the same weights, with other windows or for other times, end in places whose mean is better than each
-of them (model soups, Wortsman et al. 2022): noise of the last steps averages out, and what they all learnt stays.
+The mean of trainings from the same weights, with other windows or of other lengths, is better than each of them
+(model soups, Wortsman et al. 2022): noise of the last steps averages out, and changes that all have in common remain.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.weights.average.config import Config
 
-# Trainings from the same weights lay 0.09 to 0.11 of the weights' size apart, and averaged well; other trainings of
-# the same network lie 1.4 apart, and average to nothing.
+# Trainings from the same weights were 0.09 to 0.11 of the weights' size apart, and their mean was good; other
+# trainings of the same network are 1.4 apart, and their mean is useless.
 _FAR = 0.4
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Write the mean of the checkpoints' weights, without an optimiser's state and without a log.
 
-    Raises: InputError where they are not of one network and encoder, were trained on other data, or lie too far apart
-        to be averaged.
+    Raises: InputError if they are not of one network and encoder, were trained on other data, or are too far apart to
+        be averaged.
     """
     check_artefact(config, "checkpoint")
     progress.start("averaging", len(config.checkpoints))
@@ -76,7 +76,7 @@ def _mean(arrays: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _network(kept: Checkpoint) -> tuple[dict[str, Any], dict[str, tuple[int, ...]]]:
-    """What must be the same: the network's sizes and the encoder that it is for, and the arrays' shapes."""
+    """The properties that must be equal: the network's sizes, its encoder, and the arrays' shapes."""
     return kept.config, {name: array.shape for name, array in kept.weights.items()}
 
 
@@ -87,7 +87,7 @@ def _same_data(one: Checkpoint, other: Checkpoint) -> bool:
 
 
 def _distance(kept: Checkpoint, mean: Mapping[str, np.ndarray]) -> float:
-    """How far weights lie from their mean, as a share of the mean's size; infinite where they are not numbers."""
+    """Distance of weights from their mean, as a share of the mean's size; infinite if they are not numbers."""
     apart = sum(float(np.square(kept.weights[name] - value).sum()) for name, value in mean.items())
     size = sum(float(np.square(value).sum()) for value in mean.values())
     share = float(np.sqrt(apart / max(size, np.finfo(float).tiny)))
@@ -95,7 +95,7 @@ def _distance(kept: Checkpoint, mean: Mapping[str, np.ndarray]) -> float:
 
 
 def _trainings(kept: Sequence[Checkpoint]) -> list[Training]:
-    """All trainings that are in the mean: those that they have in common once, then those of each."""
+    """All trainings in the mean: shared ones once, then those of each."""
     every = [each.trainings for each in kept]
     shared = 0
     while all(len(own) > shared and own[shared] == every[0][shared] for own in every):

@@ -1,11 +1,11 @@
-"""The fit: trust as a factor on corrections, by least squares of where joints come to lie.
+"""The fit: trust as a factor on corrections, by least squares of joint positions.
 
-For a gap's token of depth d, the part p of the body has the trust (1 - d) * edge + d * middle, two numbers for each
-bin. What its corrections do, they do to the places of all joints further out, and one part's turns make up for
-another's; so all bins are fitted at once, to places (and, for a little, to angles), and not each to its own angles.
-A bin is drawn towards the wider one it lies in: that of its part and length, and this to that of its part. Each
-archive weighs the same. What is kept is the fit of all archives, or the least trust of the fits that leave one of
-them out, whichever is right about more of archives that it was not fitted to.
+For a gap's token of depth d, the body part p has the trust (1 - d) * edge + d * middle, two numbers for each bin.
+Corrections of a part move all joints further out, and rotations of one part compensate for those of another. So all
+bins are fitted together, to positions (and, with a small weight, to angles), and not each to its own angles. A bin is
+shrunk towards the wider bin that contains it: that of its part and length, and this towards that of its part. Each
+archive has the same weight. Of two fits, the one that is better on archives left out of it is kept: the fit of all
+archives, or the least trust of the fits that leave one archive out.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TINY = 1e-12
 @dataclass
 class Sums:
     """Normal equations of all bins' trust, in the order of a table of `SHAPE` laid out flat: squares (n, n), products
-    (n,), gaps counts (n,); and the power of what corrections should have done."""
+    (n,), gaps counts (n,); and the power of the ideal corrections."""
 
     squares: np.ndarray = field(default_factory=lambda: np.zeros((_COUNT, _COUNT)))
     products: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))
@@ -39,8 +39,8 @@ class Sums:
 
         Args:
             length_bin, size_bins: the gap's, and each part's.
-            depth: (n,) of its tokens. made: (parts, n, C) what each part's corrections change alone.
-            wanted: (n, C) what all together should change.
+            depth: (n,) of its tokens. made: (parts, n, C) the change from each part's corrections alone.
+            wanted: (n, C) the ideal change from all parts together.
         """
         nodes = np.stack([1 - depth, depth])
         columns = (nodes[None, :, :, None] * made[:, None]).reshape(_PARTS * _NODES, -1).astype(np.float64)
@@ -56,13 +56,13 @@ class Sums:
         self.power += float(target @ target)
 
     def scaled(self) -> Sums:
-        """As heavy as any other: what corrections should have done has one power in all."""
+        """Normalised to the weight of the others: the ideal corrections have a total power of one."""
         whole = max(self.power, _TINY)
         return Sums(self.squares / whole, self.products / whole, self.counts, self.power / whole)
 
 
 def total(parts: Sequence[Sums]) -> Sums:
-    """All of them together."""
+    """The sum of all equations."""
     return Sums(
         np.sum([part.squares for part in parts], axis=0),
         np.sum([part.products for part in parts], axis=0),
@@ -72,8 +72,8 @@ def total(parts: Sequence[Sums]) -> Sums:
 
 
 def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
-    """Trust SHAPE of archives that weigh alike: of the body's parts; then what the gap's length, and then its size,
-    say else, each bin as if `prior` more gaps had said that it is like the wider one."""
+    """Trust SHAPE of archives with equal weights: first of the body's parts, then of the gap's length, then of its
+    size. Each bin is fitted with `prior` more gaps that agree with the wider bin."""
     whole = total([part.scaled() for part in parts])
     trust = np.zeros(_COUNT)
     for level in _levels():
@@ -85,7 +85,7 @@ def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
 
 
 def careful_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
-    """The least trust of the fits that leave one archive out; of a single archive its own fit."""
+    """The least trust of the fits that leave one archive out; for a single archive its own fit."""
     if len(archives) < 2:
         return joint_fit(archives, prior)
     return np.min([fit([s for other, s in archives.items() if other != name], prior) for name in archives], axis=0)
@@ -97,10 +97,10 @@ def joint_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
 
 
 def trust_fit(archives: dict[str, Sums], prior: float) -> np.ndarray:
-    """The trust SHAPE that is kept: `joint_fit` or `careful_fit`, by what they are right about in archives left out.
+    """The trust SHAPE that is kept: `joint_fit` or `careful_fit`, whichever is better on archives left out.
 
-    Care is for weights that know some families of skeletons alone; where they know all alike, it throws away a tenth
-    of what they know.
+    The careful fit is for weights that know only some families of skeletons. If they know all equally well, it loses
+    a tenth of their gain.
     """
     if len(archives) < 2:
         return joint_fit(archives, prior)
@@ -116,14 +116,13 @@ def _gain_left_out(way: Callable[..., np.ndarray], archives: dict[str, Sums], pr
 
 
 def gain(sums: Sums, trust: np.ndarray) -> float:
-    """The share of what corrections should have done, in squares, that they are right about: 1 is all, below 0 is
-    harm."""
+    """The share of the ideal corrections, in squares, that the corrections achieve: 1 is all, below 0 is a loss."""
     flat = trust.reshape(-1)
     return float((2 * flat @ sums.products - flat @ sums.squares @ flat) / max(sums.power, _TINY))
 
 
 def _levels() -> list[np.ndarray]:
-    """(n, m) 0 and 1, which of m wider bins each lies in: those of parts; of lengths and parts; and itself."""
+    """(n, m) zeros and ones, the m wider bins that contain each bin: of parts; of lengths and parts; and itself."""
     lengths, parts, sizes, nodes = np.indices(SHAPE).reshape(len(SHAPE), -1)
     by_part = parts * _NODES + nodes
     by_length = (lengths * _PARTS + parts) * _NODES + nodes

@@ -1,4 +1,4 @@
-"""`pumps weights calibrate`: how far weights may be trusted, learned on clips they were not trained on."""
+"""`pumps weights calibrate`: fit the confidence of weights on clips that they were not trained on."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from stages.shared.weights.shipped import CONFIDENCE_NAME, weights_folder
 from stages.weights.calibrate.config import Config
 from stages.weights.calibrate.fit import Sums, gain, trust_fit
 
-ANGLE_M = 0.1  # what an angle weighs: a joint a radian off is as bad as one that is ten centimetres off
+ANGLE_M = 0.1  # weight of an angle: an error of a radian counts as one of ten centimetres
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Fit the trust and write it beside the weights.
 
-    Raises: InputError for weights or motions that are none, or no clip long enough in the splits.
+    Raises: InputError for bad weights or motions, or if no clip of the splits is long enough.
     """
     check_written(config, weights_folder(config.weights) / CONFIDENCE_NAME, "weights")
     models = load_weights(config.weights, config.device, confidence=False)
@@ -91,7 +91,7 @@ def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Win
 def _solved(
     config: Config, models: Models, skeleton: Skeleton, motion: Motion, known: np.ndarray
 ) -> tuple[Scene, Corrections]:
-    """What filling finds before it decides how much of it to believe."""
+    """The corrections that filling finds, before they are multiplied by the confidence."""
     source, options = SynthesisedClouds(models), FillOptions()
     start = start_from(skeleton, motion, known, source, device=models.autoencoder.device, options=options)
     with torch.no_grad():
@@ -100,7 +100,7 @@ def _solved(
 
 
 def _add(sums: Sums, shrunk: Sums, scene: Scene, made: Corrections, motion: Motion) -> None:
-    """Compare what a filled window's corrections do with what would have met the truth; `shrunk` gets the same of
+    """Compare a filled window's corrections with the ideal ones that reach the truth; `shrunk` gets the same for
     corrections shrunk by the fixed floors."""
     skeleton, tokens = scene.skeleton, scene.tokens
     frames = torch.arange(motion.frames, device=scene.device).double()
@@ -115,7 +115,8 @@ def _add(sums: Sums, shrunk: Sums, scene: Scene, made: Corrections, motion: Moti
 
 
 def _change(scene: Scene, pose: SkeletonPose) -> np.ndarray:
-    """(N, C) how a pose differs from the base: places of the body's joints, metres, and angles at `ANGLE_M`."""
+    """(N, C) difference of a pose from the base: positions of the body's joints, metres, and angles times
+    `ANGLE_M`."""
     skeleton, base = scene.skeleton, scene.base
     body = torch.as_tensor(skeleton.groups >= 0, device=scene.device)
     places = pose.heads[:, body] - base.heads[:, body]
@@ -124,7 +125,7 @@ def _change(scene: Scene, pose: SkeletonPose) -> np.ndarray:
 
 
 def _changes_by_part(scene: Scene, made: Corrections) -> np.ndarray:
-    """(parts, N, C) what each of `PARTS` changes by itself: the turns of its joints, or the pelvis' shift."""
+    """(parts, N, C) the change from each of `PARTS` alone: the turns of its joints, or the pelvis' shift."""
     skeleton, found = scene.skeleton, []
     for joints in (*part_joints(skeleton, made), None):
         turns, shifts = torch.zeros_like(made.turns), torch.zeros_like(made.shifts)
@@ -137,7 +138,7 @@ def _changes_by_part(scene: Scene, made: Corrections) -> np.ndarray:
 
 
 def _with_floors(made: Corrections, tokens: Tokens) -> Corrections:
-    """Corrections as they are used where there is no confidence."""
+    """Corrections as used without a confidence."""
     turns, shifts = made.turns.clone(), made.shifts.clone()
     for gap in tokens.gaps():
         turn_shares, shift_share = believed_shares(made, gap, FillOptions())
@@ -147,8 +148,8 @@ def _with_floors(made: Corrections, tokens: Tokens) -> Corrections:
 
 
 def _gains(archives: dict[str, Sums], shrunk: dict[str, Sums], name: str, config: Config) -> dict[str, float]:
-    """Of an archive: what its corrections are right about with trust learned on the others, as they are, and shrunk
-    by the fixed floors."""
+    """For an archive: the share that its corrections achieve with trust fitted on the others, unscaled, and shrunk by
+    the fixed floors."""
     others = {other: sums for other, sums in archives.items() if other != name} or archives
     everything = np.ones(SHAPE)
     return {

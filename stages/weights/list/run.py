@@ -10,9 +10,9 @@ from stages.weights.list.config import Config
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Tell name, size, licences and training data of each; the default is marked.
+    """Report name, size, licences and training data of each; the default is marked.
 
-    Raises: InputError where shipped weights are damaged.
+    Raises: InputError if shipped weights are damaged.
     """
     known = {name: facts_of(name) for name in shipped_weights()}
     lines = []

@@ -1,4 +1,4 @@
-"""`pumps weights pack`: the two checkpoints of a run in, weights to hand on out."""
+"""`pumps weights pack`: from the two checkpoints of a run to weights that can be distributed."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Copy both networks without the optimiser's state, in half precision, and write one card for them.
 
-    The synthesiser's record of its encoder is renewed, since the packed encoder is another artefact.
+    The synthesiser's record of its encoder is updated, since the packed encoder is another artefact.
 
-    Raises: InputError where the run has no finished networks, they do not belong together, or other
-        weights were measured.
+    Raises: InputError if the run has no finished networks, they do not belong together, or other weights were
+        measured.
     """
     check_folder(config)
     progress.start("packing", 2)
@@ -70,7 +70,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 def _read(source: Artefact) -> Checkpoint:
-    """A checkpoint whose card names the training's folders instead of saying where on what machine they lay."""
+    """A checkpoint whose card gives only the names of the training's folders, without their paths."""
     found = read_checkpoint(source, optimiser=False)
     for place, name in sorted(_places(source.manifest.config), key=lambda each: -len(each[0])):
         found = replace(found, card=found.card.replace(place, name))
@@ -109,7 +109,7 @@ def _places(settings: Any) -> Iterator[tuple[str, str]]:
 
 
 def _without_places(settings: Any) -> Any:
-    """The settings with each absolute path cut down to its last part."""
+    """The settings with each absolute path replaced by its last part."""
     if isinstance(settings, dict):
         return {name: _without_places(value) for name, value in settings.items()}
     if isinstance(settings, list):
@@ -128,7 +128,7 @@ def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[st
             "Measure these with `pumps evaluate`.",
         )
     rows, _ = read_metrics(metrics)
-    # The plain interpolation that filling starts from stands beside it: what the networks add is the step from there.
+    # With the plain interpolation that filling starts from: its difference from the weights is the networks' gain.
     shown = ("damped", config.method)
     every = cells(rows)
     found = {key: cell for key, cell in every.items() if key[3] == "l2p_m" and key[4] in shown}

@@ -1,4 +1,4 @@
-"""`pumps weights show`: licences, size, training, validation, and what they are good and bad at."""
+"""`pumps weights show`: licences, size, training, validation, strengths and weaknesses."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from stages.weights.show.config import Config
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Tell it in some lines; the figures hold all, the card too.
+    """Report the main facts in lines; the figures have all of them, and the card.
 
-    Raises: InputError where there are no such weights, or they are damaged.
+    Raises: InputError if there are no such weights, or they are damaged.
     """
     facts = facts_of(config.name)
     parameters = facts["parameters"]

@@ -101,8 +101,8 @@ class TimeAttention(nn.Module):
         known: Tensor | None = None,
     ) -> Tensor:
         """Args:
-            frames: (B, T, width), asking, at `times` (B or 1, T).
-            memory: (B, S, width), asked, at `memory_times`; the frames themselves by default.
+            frames: (B, T, width), the queries, at `times` (B or 1, T).
+            memory: (B, S, width), the keys and values, at `memory_times`; the frames themselves by default.
             known: (B, S) True where the memory may be attended; None for everywhere. Every row needs one True.
 
         Returns: (B, T, width).
@@ -131,7 +131,7 @@ def clear_linear(layer: nn.Module) -> None:
 
 
 class TimeLayer(nn.Module):
-    """Pre-norm attention over time, then a feed-forward part; asks the frames themselves, or a memory."""
+    """Pre-norm attention over time, then a feed-forward part; attends to the frames themselves, or to a memory."""
 
     def __init__(self, width: int, heads: int, rotary: bool = True, *, asks_memory: bool = False, widening: int = 4):
         super().__init__()
@@ -142,7 +142,7 @@ class TimeLayer(nn.Module):
         self.feed = nn.Sequential(nn.Linear(width, widening * width), nn.GELU(), nn.Linear(widening * width, width))
 
     def begin_as_identity(self) -> None:
-        """Give back what comes in, until it is trained: so a layer joins layers that are trained."""
+        """Make the layer the identity until it is trained, so that it can be added to trained layers."""
         for last in (self.attention.out, self.feed[-1]):
             clear_linear(last)
 

@@ -1,4 +1,4 @@
-"""Which device computes, and in which precision."""
+"""The device for computing, and its precision."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from data_schemas.errors import UsageError
 
 
 def choose_device(name: str) -> torch.device:
-    """`auto` takes CUDA, then Apple's MPS, then the CPU; each process that a launcher started takes a GPU of its own.
+    """`auto` takes CUDA, then Apple's MPS, then the CPU; each process of a launcher takes its own GPU.
 
-    Raises: UsageError where the device is not there, naming those that are.
+    Raises: UsageError if the device does not exist; the message names those that do.
     """
     available = ["cpu"]
     if torch.cuda.is_available():
@@ -24,13 +24,13 @@ def choose_device(name: str) -> torch.device:
         name = available[0]
     if name.split(":")[0] not in available:
         raise UsageError(f"The device {name} is not available here.", f"Use --device {' or '.join(available)}.")
-    if name == "cuda" and "LOCAL_RANK" in os.environ:  # torchrun and accelerate number a host's processes by it
+    if name == "cuda" and "LOCAL_RANK" in os.environ:  # the number of the process on its host
         return torch.device(name, int(os.environ["LOCAL_RANK"]) % torch.cuda.device_count())
     return torch.device(name)
 
 
 def computes_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 products are faster than float32 there.
+    """Whether bfloat16 products are faster than float32 on a device.
 
     On GPUs since Ampere; on CPUs with AMX tiles or AVX-512's bfloat16 dot products (docs/performance.md has figures).
     """
@@ -43,7 +43,7 @@ def computes_bfloat16(device: torch.device) -> bool:
 
 
 def precision(device: torch.device, mixed: bool) -> AbstractContextManager:
-    """Autocast to bfloat16 where `mixed` and the device gains by it; otherwise nothing."""
+    """Autocast to bfloat16 if `mixed` and the device is faster with it; otherwise no autocast."""
     if mixed and computes_bfloat16(device):
         return torch.autocast(device.type, torch.bfloat16)
     return nullcontext()

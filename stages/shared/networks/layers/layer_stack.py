@@ -1,4 +1,4 @@
-"""Layers one after the other, whose inner results may be computed again in the backward pass instead of kept."""
+"""A sequence of layers, whose inner results may be computed again in the backward pass instead of kept."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from torch.utils.checkpoint import checkpoint
 
 @runtime_checkable
 class GrowingLayer(Protocol):
-    """A layer that can be added to trained ones without changing what they do."""
+    """A layer that can be added to trained layers without changing their output."""
 
     def begin_as_identity(self) -> None:
-        """Give back what comes in, until it is trained."""
+        """Make the layer the identity until it is trained."""
         ...
 
 
 class Checkpointed:
-    """A module that can keep its inputs alone for the backward pass (activation checkpointing).
+    """A module that can keep only its inputs for the backward pass (activation checkpointing).
 
     checkpointing: whether it does; `set_checkpointing` sets it.
     """
@@ -36,8 +36,8 @@ def set_checkpointing(networks: nn.Module, on: bool) -> None:
 
 
 class LayerStack(nn.ModuleList, Checkpointed):
-    """Layers that each take and give (B, T, width), and share all other arguments. With checkpointing each layer's
-    input alone is kept."""
+    """Layers that each map (B, T, width) to (B, T, width), and share all other arguments. With checkpointing only
+    each layer's input is kept."""
 
     def forward(self, frames: Tensor, *shared: Any, **named: Any) -> Tensor:
         """All layers in turn, (B, T, width)."""

@@ -44,8 +44,8 @@ class RelativeAttention(nn.Module):
         known: Tensor | None = None,
     ) -> Tensor:
         """Args:
-            frames: (B, T, width), asking, at `times` (B or 1, T).
-            memory: (B, S, width), asked, at `memory_times`; the frames themselves by default.
+            frames: (B, T, width), the queries, at `times` (B or 1, T).
+            memory: (B, S, width), the keys and values, at `memory_times`; the frames themselves by default.
             known: (B, S) True where the memory may be attended; None for everywhere. Every row needs one True.
 
         Returns: (B, T, width).

@@ -158,7 +158,7 @@ class PointHead(nn.Module, Checkpointed):
 
     def _points(self, by_group: Tensor, one_hot: Tensor, by_point: Tensor) -> Tensor:
         """by_group (..., T, 5, C), one_hot (..., P, 5), by_point (..., P, C) -> (..., T, P, 3)."""
-        joined = torch.matmul(one_hot, by_group) + by_point  # a product with 0 and 1 takes each point's own group
+        joined = torch.matmul(one_hot, by_group) + by_point  # selects each point's own group
         inner = F.gelu(self.hidden(F.gelu(joined)))
         with torch.autocast(inner.device.type, enabled=False):  # bfloat16 is too coarse for coordinates
             return F.linear(inner.to(self.out.weight.dtype), self.out.weight, self.out.bias)
