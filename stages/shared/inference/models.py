@@ -59,8 +59,8 @@ class Autoencoder:
         """Decode a clip of any length, by overlapping windows that are blended.
 
         Args:
-            latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising, real-valued. groups: (P,)
-            body groups of the points to decode. noise: (P, Z) their identities.
+            latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising, real-valued.
+            groups: (P,) body groups of the decoded points. noise: (P, Z) their identities.
 
         Returns: (T, P, 3) metres.
         """

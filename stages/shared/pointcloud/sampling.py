@@ -1,7 +1,7 @@
-"""How a point is drawn, and where it is at a time (PC-MRL eq. 3, PUMPS 4.2).
+"""Draws of points, and their positions over time (PC-MRL eq. 3, PUMPS 4.2).
 
-A point rides rigidly on one bone: it is drawn once in the bone's frame and its trajectory follows from the bone's
-transforms, so a cloud is one batched transform away from the motion.
+A point is fixed to one bone: it is drawn once in the bone's frame, and its trajectory follows from the bone's
+transforms. So one batched transform computes a cloud from a motion.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def draw_points(
 
     Args:
         weights: (B,) the bones' weights, their lengths in the papers; 0 is never drawn.
-        points: how many points, P.
+        points: number of points, P.
 
     Returns: bones (P,) int32; alphas (P,) float32 uniform on [0, 1] from head to tail; offsets (P, 3) float32
         standard normal, to be scaled by sigma.
@@ -34,15 +34,15 @@ def draw_points(
 
 
 def spread_points(weights: Tensor, points: int, start: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Points spread evenly: a systematic sample of what `draw_points` draws at random.
+    """Points spread evenly: a systematic sample of the distribution of `draw_points`.
 
     The bones are laid end to end, each as long as its weight, and every P-th part of that line holds one point;
-    offsets are the Sobol sequence, which fills the cube evenly, through the normal distribution's inverse. What an
-    encoder makes of such a cloud hangs on the pose, and hardly on the draw.
+    offsets are the Sobol sequence, which fills the cube evenly, through the normal distribution's inverse. The latent
+    of such a cloud depends on the pose, and hardly on the draw.
 
     Args:
         weights: (..., J) the bones' weights; 0 is never drawn.
-        start: (...) in [0, 1), where in its part of the line each point lies.
+        start: (...) in [0, 1), the position of each point in its part of the line.
 
     Returns: bones (..., P) int64, alphas (..., P) and offsets (..., P, 3), as of `draw_points`.
     """
@@ -59,8 +59,8 @@ def spread_points(weights: Tensor, points: int, start: Tensor) -> tuple[Tensor, 
 
 @lru_cache(maxsize=8)
 def _even_normals(points: int) -> Tensor:
-    """(P, 3) float32 of the standard normal distribution, as even as can be."""
-    # Of 2^m points every coordinate holds each multiple of 2^-m once: half a step on, each its own middle.
+    """(P, 3) float32 of the standard normal distribution, spread as evenly as possible."""
+    # With 2^m points every coordinate has each multiple of 2^-m once; half a step is added to centre them.
     steps = 1 << max(points - 1, 1).bit_length()
     cube = torch.quasirandom.SobolEngine(3).draw(steps, dtype=torch.float64)[:points] + 0.5 / steps
     return torch.special.ndtri(cube).float()
