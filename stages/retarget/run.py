@@ -20,7 +20,7 @@ from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
-from stages.shared.humanoid.retargeting import Retargeted, retarget
+from stages.shared.humanoid.retargeting import REST_POSE, Retargeted, retarget
 from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.retarget_clouds import SIGMA_M, pull_to_places
 from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
@@ -123,7 +123,10 @@ def _report(
 ) -> StageReport:
     skates = [_skate(source, motion), _skate(target, made)]
     apart = float(np.degrees(turned.apart_rad))
-    pose = "the rig's rest pose" if turned.target_frame < 0 else f"frame {turned.target_frame} of the rig's file"
+    pose = "the rig's rest pose" if turned.target_frame == REST_POSE else f"frame {turned.target_frame} of its file"
+    own = (
+        "the motion's rest pose" if turned.source_frame == REST_POSE else f"frame {turned.source_frame} of the motion"
+    )
     lines = [f"Note: {note}" for note in notes]
     if turned.apart_rad > STRANGE_RAD:
         lines.append(
@@ -133,8 +136,7 @@ def _report(
     lines += [
         f"{made.frames} frames on {target.joints} joints in {seconds:.2f} s; the rig's legs are {turned.size:.2f} "
         "times as long, and so are its paths.",
-        f"Taken for the same pose: frame {turned.source_frame} of the motion and {pose}; their limbs are {apart:.0f} "
-        "degrees apart.",
+        f"Taken for the same pose: {own} and {pose}; their limbs are {apart:.0f} degrees apart.",
         f"Feet that stand slide at {skates[0]:.3f} m/s in the source and {skates[1]:.3f} m/s in the result.",
     ]
     figures = {
