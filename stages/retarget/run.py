@@ -123,10 +123,7 @@ def _report(
 ) -> StageReport:
     skates = [_skate(source, motion), _skate(target, made)]
     apart = float(np.degrees(turned.apart_rad))
-    pose = "the rig's rest pose" if turned.target_frame == REST_POSE else f"frame {turned.target_frame} of its file"
-    own = (
-        "the motion's rest pose" if turned.source_frame == REST_POSE else f"frame {turned.source_frame} of the motion"
-    )
+    alike = [_pose_name(turned.source_frame, "the motion"), _pose_name(turned.target_frame, "the rig's file")]
     lines = [f"Note: {note}" for note in notes]
     if turned.apart_rad > STRANGE_RAD:
         lines.append(
@@ -136,7 +133,7 @@ def _report(
     lines += [
         f"{made.frames} frames on {target.joints} joints in {seconds:.2f} s; the rig's legs are {turned.size:.2f} "
         "times as long, and so are its paths.",
-        f"Taken for the same pose: {own} and {pose}; their limbs are {apart:.0f} degrees apart.",
+        f"Taken for the same pose: {' and '.join(alike)}; their limbs are {apart:.0f} degrees apart.",
         f"Feet that stand slide at {skates[0]:.3f} m/s in the source and {skates[1]:.3f} m/s in the result.",
     ]
     figures = {
@@ -149,6 +146,10 @@ def _report(
         "foot_skate_mps": {"source": skates[0], "result": skates[1]},
     }
     return StageReport(output=config.output, lines=lines, figures=figures)
+
+
+def _pose_name(frame: int, whose: str) -> str:
+    return f"the rest pose of {whose}" if frame == REST_POSE else f"frame {frame} of {whose}"
 
 
 def _skate(skeleton: Skeleton, motion: Motion) -> float:

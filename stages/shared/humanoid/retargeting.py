@@ -1,9 +1,9 @@
 """Retargeting: the motion of one humanoid on another one, of which only a reference pose is known.
 
-First a common reference pose is found: of the source's poses and the target's (of each, the rest pose and frames of its
-file) the two most similar ones, whose remaining difference is then removed bone by bone. The two rest poses go before
-frames that are little more similar, because directions of bones do not show how a bone is twisted. From this pose on,
-every bone of the target turns, in the world, as the bones of the source that match it.
+First a common reference pose is found: of the source's poses and the target's (of each, the rest pose and frames of
+its file) the two most similar ones, whose remaining difference is then removed bone by bone. The two rest poses go
+before frames that are little more similar, because directions of bones do not show how a bone is twisted. From this
+pose on, every bone of the target turns, in the world, as the bones of the source that match it.
 
 Names are not used; see `stages.shared.humanoid.bone_matching`. All rotations are global, xyzw, Y up; metres.
 """
@@ -161,8 +161,8 @@ def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion |
 def rest_pose(skeleton: Skeleton) -> Motion:
     """One frame of the skeleton at zero rotations, joint 0 at the origin.
 
-    It is turned from the source's up axis to Y up, unless the body stands without this turn: many sources rest Y up and
-    move Z up.
+    It is turned from the source's up axis to Y up, unless the body stands without this turn: many sources rest Y up
+    and move Z up.
     """
     flat = Motion(np.zeros((1, skeleton.joints, 4), np.float32), np.zeros((1, 3), np.float32), 30.0)
     flat.rotations[..., 3] = 1.0
@@ -186,8 +186,8 @@ def _shared_pose(
 ) -> tuple[_PosedBody, _PosedBody, tuple[int, int], float]:
     """The pose that stands for the same in both bodies.
 
-    Returns: the source and the target, each in one pose; their frames, REST_POSE for a rest pose; the mean angle between
-        their limbs, which is still to be removed.
+    Returns: the source and the target, each in one pose; their frames, REST_POSE for a rest pose; the mean angle
+        between their limbs, which is still to be removed.
     Raises: InputError if the target has no pose to start from.
     """
     source = moving.skeleton
