@@ -29,11 +29,13 @@ class Flag(str, Enum):
     PLACES_INTERPOLATED = "places-interpolated"
     OTHER_SKINS = "other-skins"
     UPSIDE_DOWN = "upside-down"
+    HANDS_LEFT_OUT = "hands-left-out"
     # Assumptions about facts that no file states. The reader of positions reports a missing rate as a fault.
     NO_FRAME_RATE = "no-frame-rate"
     NEUTRAL_BODY = "neutral-body"
     NO_GENDER = "no-gender"
     MEAN_BODY = "mean-body"
+    UP_FROM_MOTION = "up-from-motion"
 
 
 @dataclass(frozen=True)
@@ -103,5 +105,13 @@ _SENTENCES: dict[Flag, Callable[..., str]] = {
     Flag.NO_FRAME_RATE: lambda fps: f"It states no frame rate; {fps:g} frames a second are assumed.",
     Flag.NEUTRAL_BODY: lambda: "Its joints are those of a neutral body: no --body-models were given.",
     Flag.NO_GENDER: lambda pickled: f"It states no gender{' (pickled)' if pickled else ''}; neutral is assumed.",
+    Flag.HANDS_LEFT_OUT: lambda: (
+        "Its hands are principal components, which only the body model can turn into rotations; they were left out."
+    ),
+    Flag.UP_FROM_MOTION: lambda up_axis, stands: (
+        f"{up_axis.upper()} is up, since the body stands along it."
+        if stands
+        else f"{up_axis.upper()} is taken to be up; the body stands along no axis, and the file states none."
+    ),
     Flag.MEAN_BODY: lambda: "It has no betas; the model's mean body is used.",
 }

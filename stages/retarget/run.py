@@ -104,7 +104,7 @@ def _read(config: Config) -> tuple[Skeleton, Motion, list[str]]:
     """The motion of the input, with notes on it. Raises InputError where it holds none, or several."""
     source = source_named(str(config.input))
     rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
-    asked = Asked(fps_override=config.fps_override, rig=rig, rig_name=rig_name)
+    asked = Asked(fps_override=config.fps_override, rig=rig, rig_name=rig_name, up_axis=config.up_axis)
     found = recordings_in(source, asked)
     if len(found) != 1:
         raise InputError(f"{source.name} holds {len(found)} clips, and one is put on a rig.", "`pumps export` one.")

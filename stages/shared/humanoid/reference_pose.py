@@ -23,6 +23,7 @@ PLAUSIBLE_STATURE_M = (0.7, 2.6)
 _DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
 _OTHER_UNITS = (0.0254, 0.0254 / 0.45, 0.3048)
 _USUAL_STATURE_M = 1.6  # length of legs and trunk if no common unit gives a human size
+_STANDS = 0.75  # least cosine between the trunk, or the legs, and the axis that is up
 _Z_UP_TO_Y_UP = Rotation.from_euler("x", -90, degrees=True)
 
 
@@ -138,6 +139,52 @@ def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> s
     if upward[other] > 0.85 and abs(lowest) < 0.25 * leg:
         return "z" if other == 2 else "y"
     return standing
+
+
+def standing_axis_of_poses(positions: np.ndarray, parts: BodyParts) -> str | None:
+    """The axis, "y" or "z", along which a body stands: head over pelvis over feet, feet on a level floor.
+
+    A body that lies on the floor of a Z-up world, along Y, looks like one that stands in a Y-up world; it is told by
+    all of its joints being near the floor.
+
+    Args:
+        positions: (F, J, 3) joints in some poses, metres, in the file's axes.
+    Returns: None if the poses do not show it clearly.
+    """
+    feet = positions[:, [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]].mean(axis=1)
+    head = positions[:, parts.chains[SPINE][-1]]
+    hips = positions[:, [parts.chains[LEFT_LEG][0], parts.chains[RIGHT_LEG][0]]].mean(axis=1)
+    upward = [np.median(_units(upper - lower), axis=0) for upper, lower in ((head, hips), (hips, feet))]
+    low, high = positions.min(axis=1), positions.max(axis=1)
+    stature = float(np.median(np.linalg.norm(head - hips, axis=1) + np.linalg.norm(hips - feet, axis=1)))
+    found = []
+    for axis, name in ((1, "y"), (2, "z")):
+        other = 3 - axis
+        stands = min(part[axis] for part in upward) > _STANDS
+        lies = _is_flat(low[:, other], high[:, other], stature) and abs(np.median(low[:, axis])) > 0.3 * stature
+        if stands and not lies:
+            found.append(name)
+    return found[0] if len(found) == 1 else None
+
+
+def _is_flat(low: np.ndarray, high: np.ndarray, stature: float) -> bool:
+    """Whether the body is all near the floor at 0."""
+    return bool(np.median(np.abs(low)) < 0.1 * stature and np.percentile(high, 95) < 0.45 * stature)
+
+
+def _units(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+
+
+def rest_axis(rest: np.ndarray, parts: BodyParts) -> str | None:
+    """The axis, "y" or "z", along which a body stands at rest; None if its rest pose does not stand.
+
+    Args:
+        rest: (J, 3) joints at zero rotations.
+    """
+    feet = [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]
+    hips = [parts.chains[LEFT_LEG][0], parts.chains[RIGHT_LEG][0]]
+    return _standing_axis(rest, feet, hips, parts.chains[SPINE][-1])
 
 
 def _standing_axis(rest: np.ndarray, feet: list[int], hips: list[int], head: int) -> str | None:
