@@ -1,6 +1,6 @@
 """Reading SMPL, SMPL-H and SMPL-X pose vectors from .npz: AMASS' old and new layout, and the smplx package's names.
 
-AMASS' world is Z up; others' may be Y up, and no file states which. The body's own poses show it: see `_standing_axis`.
+AMASS' world is Z up; others' may be Y up, and no file states which. The body's poses show it: see `_standing_axis`.
 """
 
 from __future__ import annotations

@@ -106,8 +106,8 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "amass", (".npz",), "stages.shared.formats.amass:read_amass", _looks_amass,
         "SMPL, SMPL-H and SMPL-X poses, AMASS' old and new layouts (`poses`, or `root_orient`, `pose_body`, ...;"
-        " either spelling of the rate) and the smplx package's names (`global_orient`, `body_pose`, `transl`, ...); with"
-        " `--body-models DIR` the subject's own joints from `betas` and `gender`",
+        " either spelling of the rate) and the smplx package's names (`global_orient`, `body_pose`, `transl`, ...);"
+        " with `--body-models DIR` the subject's own joints from `betas` and `gender`",
         "Z up, unless the body stands along Y: that is reported. The smplx package's parameters state no rate: 30 is"
         " assumed. Without a body model the joints are those of a neutral body of about 1.7 m and only"
         " approximate. `dmpls` are left out. Pickles are not read: body models must be `.npz`.",
@@ -136,8 +136,9 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "gltf", (".glb", ".gltf"), "stages.shared.formats.gltf_motion:read_gltf", _looks_gltf,
-        "skins with animations, one clip each; linear, step and cubic samplers; buffers inside the file",
-        "Scales that vary or differ by axis are refused; constant ones are multiplied into the lengths. Buffers in"
+        "skins with animations, one clip each, or animated nodes where there is no skin; linear, step and cubic"
+        " samplers; buffers inside the file",
+        "Metres. All clips are on one skeleton, whose lengths are those of the nodes at rest. Scales that vary or differ by axis are refused; constant ones are multiplied into the lengths. Buffers in"
         " other files are not read.",
     ),
 )  # fmt: skip

@@ -19,6 +19,7 @@ from stages.shared.humanoid.joint_names import sense_of
 LEAF_LENGTH_M = 0.1
 SHORTEST_BONE_M = 1e-3
 PLAUSIBLE_STATURE_M = (0.7, 2.6)
+_POSSIBLE_STATURE_M = (0.2, 20.0)  # of a body in the unit of its format's standard
 # Metres in a unit, the most common first; 0.0564 is CMU's (inches divided by 0.45).
 _DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
 _OTHER_UNITS = (0.0254, 0.0254 / 0.45, 0.3048)
@@ -98,14 +99,22 @@ def stature_of(offsets: np.ndarray, parts: BodyParts) -> float:
     return float(leg + lengths[list(parts.chains[SPINE])[1:]].sum())
 
 
-def find_unit(stature: float) -> tuple[float, Note | None]:
+def find_unit(stature: float, usual: float | None = None) -> tuple[float, Note | None]:
     """Metres in one unit of the file, and a note if it is a guess.
 
+    Args:
+        stature: of the body, in the file's unit.
+        usual: metres in the unit of the format's standard. It is used for dolls and giants too, with a note, but not
+            for what can only be a file in another unit.
     Raises: InputError if all bones have zero length.
     """
     if not stature > 0:
         raise InputError("The skeleton's bones have no length.", "Is its OFFSET data missing?")
     low, high = PLAUSIBLE_STATURE_M
+    if usual is not None and _POSSIBLE_STATURE_M[0] <= stature * usual <= _POSSIBLE_STATURE_M[1]:
+        if low <= stature * usual <= high:
+            return usual, None
+        return usual, note(Flag.UNIT_UNCERTAIN, unit_m=usual, stature_m=stature * usual, scaled=False)
     for unit in _DECIMAL_UNITS:
         if low <= stature * unit <= high:
             return unit, None

@@ -108,7 +108,7 @@ def _loop(scene: dict) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda s: s.pop("skins"), "no skin"),
+        (lambda s: [s.pop(key) for key in ("skins", "animations")], "no skin and no animated nodes"),
         (lambda s: s.pop("animations"), "no animation"),
         (lambda s: s["nodes"][3].update(scale=[1, 2, 1]), "scaled unevenly"),
         (lambda s: s["nodes"][0].update(scale=[1, 2, 1]), "scaled unevenly"),

@@ -31,7 +31,7 @@ Z_TO_Y = Rotation.from_euler("x", -90, degrees=True)
 
 
 def walking(up: str, *, flat: bool = False) -> dict[str, np.ndarray]:
-    """SMPL's parameters of a body that walks in a world whose Y or Z is up; `flat`: it lies on its back and slides."""
+    """SMPL's parameters of a body that walks in a world whose Y or Z is up, or lies on its back and slides."""
     vectors = np.random.default_rng(0).normal(0, 0.05, (FRAMES, 24, 3))
     vectors[:, 0] = 0.0
     ahead = np.linspace(0, 2, FRAMES)
