@@ -138,8 +138,9 @@ FORMATS: tuple[Format, ...] = (
         "gltf", (".glb", ".gltf"), "stages.shared.formats.gltf_motion:read_gltf", _looks_gltf,
         "skins with animations, one clip each, or animated nodes where there is no skin; linear, step and cubic"
         " samplers; buffers inside the file",
-        "Metres. All clips are on one skeleton, whose lengths are those of the nodes at rest. Scales that vary or differ by axis are refused; constant ones are multiplied into the lengths. Buffers in"
-        " other files are not read.",
+        "Metres. All clips are on one skeleton, whose lengths are those of the nodes at rest. Scales that vary or"
+        " differ by axis are refused; constant ones are multiplied into the lengths. Buffers in other files are not"
+        " read.",
     ),
 )  # fmt: skip
 NAMES = tuple(each.name for each in FORMATS)
