@@ -28,12 +28,15 @@ class Flag(str, Enum):
     BONES_STRETCH = "bones-stretch"
     PLACES_INTERPOLATED = "places-interpolated"
     OTHER_SKINS = "other-skins"
+    NODES_AS_JOINTS = "nodes-as-joints"
     UPSIDE_DOWN = "upside-down"
+    HANDS_LEFT_OUT = "hands-left-out"
     # Assumptions about facts that no file states. The reader of positions reports a missing rate as a fault.
     NO_FRAME_RATE = "no-frame-rate"
     NEUTRAL_BODY = "neutral-body"
     NO_GENDER = "no-gender"
     MEAN_BODY = "mean-body"
+    UP_FROM_MOTION = "up-from-motion"
 
 
 @dataclass(frozen=True)
@@ -99,9 +102,18 @@ _SENTENCES: dict[Flag, Callable[..., str]] = {
     Flag.BONES_STRETCH: lambda: "Some bones slide or stretch; their translations and lengths were left out.",
     Flag.PLACES_INTERPOLATED: lambda places: f"{places} missing places of joints were interpolated linearly in time.",
     Flag.OTHER_SKINS: lambda joints: f"{joints} joints of other skins were left out.",
+    Flag.NODES_AS_JOINTS: lambda: "It has no skin; its animated nodes are taken for joints.",
     Flag.UPSIDE_DOWN: lambda: "The robot is upside down; the quaternions seem to be w x y z where x y z w is read.",
     Flag.NO_FRAME_RATE: lambda fps: f"It states no frame rate; {fps:g} frames a second are assumed.",
     Flag.NEUTRAL_BODY: lambda: "Its joints are those of a neutral body: no --body-models were given.",
     Flag.NO_GENDER: lambda pickled: f"It states no gender{' (pickled)' if pickled else ''}; neutral is assumed.",
+    Flag.HANDS_LEFT_OUT: lambda: (
+        "Its hands are principal components, which only the body model can turn into rotations; they were left out."
+    ),
+    Flag.UP_FROM_MOTION: lambda up_axis, stands: (
+        f"{up_axis.upper()} is up, since the body stands along it."
+        if stands
+        else f"{up_axis.upper()} is taken to be up; the body stands along no axis, and the file states none."
+    ),
     Flag.MEAN_BODY: lambda: "It has no betas; the model's mean body is used.",
 }

@@ -27,7 +27,8 @@ class Skeleton:
     sampled: (J,) bool, True if points are drawn on the bone (not fingers, face, twists, zero length).
     root:    index of the pelvis: the topmost joint of the body.
     unit_m:  metres in one unit of the source file.
-    up_axis: the source's up axis, "y" or "z" (turned to Y at ingest).
+    up_axis: "y" or "z", the up axis of the world that `header` is written for: the source's, or that of its rest pose
+             if the format is not BVH and its rest pose stands along another axis than its motion.
     header:  text that is needed to write the source file back (a BVH's text up to MOTION, newlines as found), or "".
     """
 

@@ -64,7 +64,7 @@ def _of_recording(config: Config) -> Iterator[Clip]:
     rig, rig_name = rig_named(config.skeleton) if config.skeleton else (b"", "")
     asked = Asked(
         fps_override=config.fps_override, rig=rig, rig_name=rig_name, body_models=config.body_models,
-        skeleton_maps=maps,
+        skeleton_maps=maps, up_axis=config.up_axis,
     )  # fmt: skip
     stem = PurePosixPath(source.member.replace("\\", "/")).stem
     found = {

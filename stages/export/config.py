@@ -39,6 +39,9 @@ class Config(WritingConfig):
         "or the name of a joint list for positions.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS files.")
+    up_axis: Literal["y", "z"] | None = Field(
+        None, description="Up axis of the files' world, if it is not the one that the body's poses show."
+    )
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0
     )

@@ -41,6 +41,9 @@ class Config(WritingConfig, ShardedConfig):
         "rig uses the one whose joints it has.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS files.")
+    up_axis: Literal["y", "z"] | None = Field(
+        None, description="Up axis of the files' world, if it is not the one that the body's poses show."
+    )
     licence: str | None = Field(None, description="Licence of sources that do not state one.")
     rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of an estimate.")
     strict: bool = Field(False, description="Stop at the first bad file instead of skipping it.")

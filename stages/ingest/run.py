@@ -90,7 +90,7 @@ def _asked(config: Config) -> Asked:
         )
     return Asked(
         None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
-        read_skeleton_maps(config.skeleton_map),
+        read_skeleton_maps(config.skeleton_map), config.up_axis,
     )  # fmt: skip
 
 

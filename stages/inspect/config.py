@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -26,6 +27,9 @@ class Config(StageConfig):
         "or the name of a joint list for positions.",
     )
     body_models: Path | None = Field(None, description="Folder of SMPL-like body models (.npz), for AMASS files.")
+    up_axis: Literal["y", "z"] | None = Field(
+        None, description="Up axis of the files' world, if it is not the one that the body's poses show."
+    )
     rest_frame: int | None = Field(None, description="Frame to use as the reference pose instead of an estimate.")
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0

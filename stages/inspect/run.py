@@ -38,6 +38,7 @@ def _asked(config: Config) -> Asked:
     return Asked(
         fps_override=config.fps_override, rest_frame=config.rest_frame, trim_first="auto",
         rig=rig, rig_name=rig_name, body_models=config.body_models, skeleton_maps=maps,
+        up_axis=config.up_axis,
     )  # fmt: skip
 
 

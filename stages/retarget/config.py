@@ -38,6 +38,9 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one."
     )
+    up_axis: Literal["y", "z"] | None = Field(
+        None, description="Up axis of the files' world, if it is not the one that the body's poses show."
+    )
     skeleton: str | None = Field(
         None,
         description="Skeleton for files that have none: an ASF for AMC, a URDF for a robot's joint angles, a BVH "

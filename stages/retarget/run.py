@@ -20,7 +20,7 @@ from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
-from stages.shared.humanoid.retargeting import Retargeted, retarget
+from stages.shared.humanoid.retargeting import REST_POSE, Retargeted, retarget
 from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.retarget_clouds import SIGMA_M, pull_to_places
 from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
@@ -104,7 +104,7 @@ def _read(config: Config) -> tuple[Skeleton, Motion, list[str]]:
     """The motion of the input, with notes on it. Raises InputError where it holds none, or several."""
     source = source_named(str(config.input))
     rig, rig_name = rig_named(config.skeleton) if config.skeleton is not None else (b"", "")
-    asked = Asked(fps_override=config.fps_override, rig=rig, rig_name=rig_name)
+    asked = Asked(fps_override=config.fps_override, rig=rig, rig_name=rig_name, up_axis=config.up_axis)
     found = recordings_in(source, asked)
     if len(found) != 1:
         raise InputError(f"{source.name} holds {len(found)} clips, and one is put on a rig.", "`pumps export` one.")
@@ -123,7 +123,7 @@ def _report(
 ) -> StageReport:
     skates = [_skate(source, motion), _skate(target, made)]
     apart = float(np.degrees(turned.apart_rad))
-    pose = "the rig's rest pose" if turned.target_frame < 0 else f"frame {turned.target_frame} of the rig's file"
+    alike = [_pose_name(turned.source_frame, "the motion"), _pose_name(turned.target_frame, "the rig's file")]
     lines = [f"Note: {note}" for note in notes]
     if turned.apart_rad > STRANGE_RAD:
         lines.append(
@@ -133,8 +133,7 @@ def _report(
     lines += [
         f"{made.frames} frames on {target.joints} joints in {seconds:.2f} s; the rig's legs are {turned.size:.2f} "
         "times as long, and so are its paths.",
-        f"Taken for the same pose: frame {turned.source_frame} of the motion and {pose}; their limbs are {apart:.0f} "
-        "degrees apart.",
+        f"Taken for the same pose: {' and '.join(alike)}; their limbs are {apart:.0f} degrees apart.",
         f"Feet that stand slide at {skates[0]:.3f} m/s in the source and {skates[1]:.3f} m/s in the result.",
     ]
     figures = {
@@ -147,6 +146,10 @@ def _report(
         "foot_skate_mps": {"source": skates[0], "result": skates[1]},
     }
     return StageReport(output=config.output, lines=lines, figures=figures)
+
+
+def _pose_name(frame: int, whose: str) -> str:
+    return f"the rest pose of {whose}" if frame == REST_POSE else f"frame {frame} of {whose}"
 
 
 def _skate(skeleton: Skeleton, motion: Motion) -> float:

@@ -19,6 +19,7 @@ FIGURES = {
     Flag.OTHER_SKINS: {"joints": 4},
     Flag.NO_FRAME_RATE: {"fps": 120.0},
     Flag.NO_GENDER: {"pickled": True},
+    Flag.UP_FROM_MOTION: {"up_axis": "y", "stands": True},
 }
 
 
@@ -28,7 +29,8 @@ def test_every_code_has_a_sentence_of_its_figures(flag):
     (sentence,) = sentences_of([note(flag, **figures)])
     assert sentence[0] == sentence[0].upper() and sentence.endswith(".") and sentence.count(". ") == 0
     for value in figures.values():
-        assert isinstance(value, bool) or f"{value:g}" in sentence
+        shown = value.upper() if isinstance(value, str) else f"{value:g}"
+        assert isinstance(value, bool) or shown in sentence
 
 
 def test_codes_are_short_words_that_a_column_can_hold():

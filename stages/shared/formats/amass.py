@@ -1,6 +1,11 @@
-"""Reading AMASS' .npz: SMPL, SMPL-H and SMPL-X pose vectors, in the old and the new layout; Z up, metres."""
+"""Reading SMPL, SMPL-H and SMPL-X pose vectors from .npz: AMASS' old and new layout, and the smplx package's names.
+
+AMASS' world is Z up; others' may be Y up, and no file states which. The body's poses show it: see `_standing_axis`.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,32 +15,37 @@ from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.arrays import read_arrays
 from stages.shared.formats.recording import MAX_JOINTS, Asked, Recording, check_room, recording_of
 from stages.shared.formats.smpl import GENDERS, LAYOUTS, RestJoints, neutral_joints, parents_of, subject_joints
-from stages.shared.formats.source_body import SourcePoses, SourceRig
+from stages.shared.formats.smpl_keys import PLACE_NAMES, POSE_NAMES, names_smplx, places_of, pose_vectors
+from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of
+from stages.shared.humanoid.reference_pose import standing_axis_of_poses
+from stages.shared.kinematics.forward_numpy import global_rotations, joint_positions
 
 _RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
 _Place = tuple[float, float, float]
-_PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")
+_USUAL_FPS = 30.0
+_LOOKED_AT = 64  # poses from which the up axis is found
 _RIG = ("joint_names", "parents", "offsets")
-_WANTED = ("poses", "trans", "gender", "betas", *_RATES, *_PARTS, *_RIG, "ends")
+_WANTED = ("gender", "betas", *POSE_NAMES, *PLACE_NAMES, *_RATES, *_RIG, "ends")
 _BLOCK = 4096  # frames
 _LAYOUT_OF = {3 * len(names): layout for layout, names in LAYOUTS.items()}
 
 
 def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
-    """The clip of an AMASS file. Raises InputError naming the file and the key."""
+    """The clip of a file of SMPL's parameters. Raises InputError naming the file and the key."""
     arrays, pickled = read_arrays(data, name, _WANTED)
-    vectors = _pose_vectors(arrays, name)
+    given = {key: values for key in POSE_NAMES if (values := _numbers(arrays, key, name)) is not None}
+    vectors, notes = pose_vectors(given, name)
     frames = len(vectors)
     own = _own_rig(arrays, name, vectors.shape[1])
     layout = _LAYOUT_OF.get(vectors.shape[1])
     if own is None and layout is None:
         widths = ", ".join(f"{width} ({kind})" for width, kind in sorted(_LAYOUT_OF.items()))
         raise InputError(f"{name}: its poses are {vectors.shape[1]} numbers wide; pumps reads widths of {widths}.")
-    notes: list[Note] = []
-    trans = _numbers(arrays, "trans", name)
+    trans = next((found for key in PLACE_NAMES if (found := _numbers(arrays, key, name)) is not None), None)
     if trans is None:
         notes.append(note(Flag.NO_TRANSLATION))
         trans = np.zeros((frames, 3))
+    trans = places_of(trans)
     if trans.shape != (frames, 3):
         raise InputError(f"{name}: trans has the shape {trans.shape}, expected {(frames, 3)}.")
     if own is not None:
@@ -46,9 +56,28 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
         ends = ((0.0, 0.0, 0.0),) * len(rest.offsets)
         rig, pelvis = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ends), rest.pelvis
     check_room(name, len(data), frames, len(rig.names))
+    fps = asked.fps_override or _rate(arrays, name)
+    if fps is None:
+        fps = _USUAL_FPS
+        remarks = [*remarks, note(Flag.NO_FRAME_RATE, fps=fps)]
     # The model turns about the pelvis where it stands at rest, then moves by trans.
-    poses = SourcePoses(_quaternions(vectors), trans + np.array(pelvis), asked.fps_override or _rate(arrays, name))
+    poses = SourcePoses(_quaternions(vectors), trans + np.array(pelvis), fps)
+    if not all(key in arrays for key in _RIG):  # the files that pumps writes are Z up
+        usual = "y" if names_smplx(arrays) else "z"
+        found = _standing_axis(rig, poses)
+        rig = replace(rig, up_axis=found or usual)
+        if asked.up_axis is None and (rig.up_axis != "z" or usual != "z"):
+            remarks = [*remarks, note(Flag.UP_FROM_MOTION, up_axis=rig.up_axis, stands=found is not None)]
     return [recording_of(name, rig, poses, asked, notes=notes, remarks=remarks)]
+
+
+def _standing_axis(rig: SourceRig, poses: SourcePoses) -> str | None:
+    """The axis, "y" or "z", along which the body stands in its poses; None if it stands along neither."""
+    body = body_of(rig)
+    seen = np.unique(np.linspace(0, len(poses.local) - 1, _LOOKED_AT).astype(int))
+    rotations = global_rotations(poses.local[seen].astype(np.float64), body.parents)
+    heads = joint_positions(rotations, poses.root[seen], body.offsets, body.parents)
+    return standing_axis_of_poses(heads, body.parts)
 
 
 def _rig(
@@ -94,28 +123,6 @@ def _quaternions(vectors: np.ndarray) -> np.ndarray:
     return out
 
 
-def _pose_vectors(arrays: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """(T, 3 J) rotation vectors, root first."""
-    vectors = _numbers(arrays, "poses", name)
-    if vectors is None:
-        parts = [part for key in _PARTS if (part := _numbers(arrays, key, name)) is not None]
-        if "root_orient" not in arrays or "pose_body" not in arrays:
-            raise InputError(
-                f"{name} has neither poses nor root_orient and pose_body.", "Is this an AMASS recording?"
-            )
-        if not all(part.ndim > 1 and part.size for part in parts):
-            raise InputError(f"{name}: a part of the pose has no frames or no numbers.")
-        parts = [part.reshape(len(part), -1) for part in parts]
-        if len({len(part) for part in parts}) > 1:
-            raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
-        vectors = np.concatenate(parts, axis=1)
-    if vectors.ndim == 3 and vectors.size:
-        vectors = vectors.reshape(len(vectors), -1)
-    if vectors.ndim != 2 or len(vectors) == 0:
-        raise InputError(f"{name}: its poses have the shape {vectors.shape}, expected frames by numbers.")
-    return vectors
-
-
 def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray | None:
     """An array of finite numbers as floats; None if it is missing. Raises InputError for any other array."""
     array = arrays.get(key)
@@ -135,7 +142,8 @@ def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray |
     return values
 
 
-def _rate(arrays: dict[str, np.ndarray], name: str) -> float:
+def _rate(arrays: dict[str, np.ndarray], name: str) -> float | None:
+    """The stated rate; None for the smplx package's parameters, which have none."""
     for key in _RATES:
         values = _numbers(arrays, key, name)
         if values is not None and values.size == 1:
@@ -143,6 +151,8 @@ def _rate(arrays: dict[str, np.ndarray], name: str) -> float:
             if 0.1 <= fps <= 10_000:
                 return fps
             raise InputError(f"{name}: {key} is {fps:g} frames a second.", "Give the true rate with --fps-override.")
+    if names_smplx(arrays):
+        return None
     raise InputError(f"{name} has no mocap_framerate.", "Give the rate with --fps-override '*=120'.")
 
 

@@ -30,7 +30,7 @@ def read_bvh_motion(data: bytes, name: str, asked: Asked) -> list[Recording]:
     skeleton, motion, notes = noted_motion_of(
         read_bvh(data, name),
         fps_override=asked.fps_override, rest_frame=asked.rest_frame, trim_first=asked.trim_first,
-        skeleton_maps=asked.skeleton_maps,
+        skeleton_maps=asked.skeleton_maps, up_axis=asked.up_axis,
     )  # fmt: skip
     return [Recording(skeleton, motion, notes=notes)]
 
@@ -66,13 +66,17 @@ def noted_motion_of(
     rest_frame: int | None = None,
     trim_first: str | int = 0,
     skeleton_maps: tuple[SkeletonMap, ...] = (),
+    up_axis: str | None = None,
 ) -> tuple[Skeleton, Motion, list[Note]]:
-    """As `motion_of`, with notes as codes and figures instead of sentences."""
+    """As `motion_of`, with notes as codes and figures instead of sentences.
+
+    up_axis: the file's, "y" or "z", if it is not the one that the body shows.
+    """
     try:
         body = _body_of(bvh.joints, bvh.values, skeleton_maps)
         poses = _poses(bvh.joints, body, bvh.values, fps_override or rate_of(bvh.frame_time))
         skeleton, motion, notes = motion_of_poses(
-            body, poses, header=bvh.header, rest_frame=rest_frame, trim_first=trim_first
+            body, poses, header=bvh.header, up_axis=up_axis, rest_frame=rest_frame, trim_first=trim_first
         )
     except InputError as error:
         raise InputError(f"{bvh.name}: {error.message}", error.hint) from None

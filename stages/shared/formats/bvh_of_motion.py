@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from itertools import count
+
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_header import HeaderFault, parse_header
+from stages.shared.formats.bvh_header import POSITION_CHANNELS, HeaderFault, parse_header
 from stages.shared.formats.bvh_rows import values_of
 from stages.shared.formats.bvh_write import DECIMALS, write_bvh
 
@@ -21,10 +24,29 @@ def template_of(header: str, fps: float, name: str) -> BvhFile:
     return read_bvh((header + newline.join(rows)).encode(), name)
 
 
+def _with_places(header: str, joints: set[int]) -> str:
+    """The header with position channels on some more joints, which are counted in the order of their CHANNELS."""
+    at = count(0)
+
+    def channels(found: re.Match[str]) -> str:
+        if next(at) not in joints:
+            return found[0]
+        return f"{found[1]}{int(found[2]) + 3} {' '.join(POSITION_CHANNELS)} "
+
+    return re.sub(r"(\bCHANNELS[ \t]+)(\d+)[ \t]+", channels, header, flags=re.IGNORECASE)
+
+
 def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: int = DECIMALS) -> bytes:
     """The bytes of a BVH of a motion, in the unit and axes of its skeleton's source.
 
     Raises: InputError if the skeleton has no BVH header.
     """
     template = template_of(skeleton.header, motion.fps, name)
+    lacking = {
+        int(joint)
+        for joint in motion.track_joints
+        if not set(POSITION_CHANNELS) & set(template.joints[joint].channels)
+    }
+    if lacking:  # clips of one skeleton share its header, and not all of them move the same joints
+        template = template_of(_with_places(skeleton.header, lacking), motion.fps, name)
     return write_bvh(template, values_of(template, skeleton, motion), decimals=decimals)

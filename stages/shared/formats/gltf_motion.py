@@ -1,7 +1,8 @@
-"""The animated skin of a glTF file as motion: one clip for each animation.
+"""The animated skin of a glTF file as motion: one clip for each animation, all on one skeleton.
 
-Nodes above the skin place it in the world. A constant scale is multiplied into the lengths, since skeletons here have
-no scales.
+A file without a skin has its animated nodes for joints. Nodes above the joints place them in the world. A constant
+scale is multiplied into the lengths, since skeletons here have no scales. Lengths are those of the nodes at rest, so
+that they do not depend on what a clip shows; a joint that is elsewhere has a translation track.
 """
 
 from __future__ import annotations
@@ -60,22 +61,27 @@ def read_gltf(data: bytes, name: str, asked: Asked) -> list[Recording]:
         nodes = _Nodes(document)
         animations = [_tracks(document, animation) for animation in document.items("animations")]
         notes: list[Note] = []
-        skin = _skin(document, nodes, {node for tracks in animations for node, _ in tracks}, notes)
+        remarks: list[Note] = []
+        animated = {node for tracks in animations for node, _ in tracks}
+        skin = _skin(document, nodes, animated, notes, remarks)
         inside = set(skin.joints)
         moving = [(index, tracks) for index, tracks in enumerate(animations) if {n for n, _ in tracks} & inside]
         if not moving:
             raise InputError(f"{name} has no animation of its skin.", "Export it with its animation.")
         parts = plain_names([str(document.items("animations")[index].get("name", "")) for index, _ in moving])
         room = 600_000 + len(data) // 8
-        recordings = []
-        for part, (_, tracks) in zip(parts, moving, strict=True):
+        sampled_clips = []
+        for _, tracks in moving:
             tracks = {key: track for key, track in tracks.items() if key[0] in inside}
-            rig, poses = _rig_and_poses(document, nodes, skin, tracks, asked.fps_override, room)
-            room -= len(poses.local) * len(skin.joints)
-            recordings.append(
-                recording_of(name, rig, poses, asked, part=part if len(moving) > 1 else "", notes=notes)
-            )
-        return recordings
+            clip = _sampled(document, nodes, skin, tracks, asked.fps_override, room)
+            room -= len(clip.local) * len(skin.joints)
+            sampled_clips.append(clip)
+        rig = _rig(nodes, skin, sampled_clips)
+        parts = parts if len(moving) > 1 else ("",)
+        return [
+            recording_of(name, rig, _poses(rig, skin, clip), asked, part=part, notes=notes, remarks=remarks)
+            for part, clip in zip(parts, sampled_clips, strict=True)
+        ]
 
 
 # --- the scene ----------------------------------------------------------------------------------
@@ -154,13 +160,15 @@ def _tracks(document: Document, animation: dict[str, Any]) -> dict[tuple[int, st
     return found
 
 
-def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[Note]) -> _Skin:
-    """The skin with the most joints, with the nodes between its joints, and the nodes above it that are animated."""
+def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[Note], remarks: list[Note]) -> _Skin:
+    """The skin with the most joints, with the nodes between its joints, and the nodes above it that are animated.
+
+    Without a skin: the animated nodes of one tree, and the nodes below them that end its chains.
+    """
     skins = [[document.index(j, "nodes") for j in skin["joints"]] for skin in document.items("skins")]
     if not skins or not max(skins, key=len):
-        raise InputError(
-            f"{document.name} has no skin, and so no skeleton.", "Export it with its armature and a mesh."
-        )
+        skins = [_animated_tree(document, nodes, animated)]
+        remarks.append(note(Flag.NODES_AS_JOINTS))
     chosen = max(skins, key=len)
     others = {joint for skin in skins for joint in skin} - set(chosen)
     if len(others) + len(chosen) > MAX_JOINTS:
@@ -198,6 +206,21 @@ def _skin(document: Document, nodes: _Nodes, animated: set[int], notes: list[Not
     return _Skin(order, parents, _placement(document, nodes, above[above.index(top) + 1 :]))
 
 
+def _animated_tree(document: Document, nodes: _Nodes, animated: set[int]) -> list[int]:
+    """The animated nodes of the tree that has the most of them, and the nodes below them that carry nothing."""
+    trees: dict[int, list[int]] = {}
+    for node in sorted(animated):
+        trees.setdefault(_upwards(nodes, node, document.name)[-1], []).append(node)
+    if not trees:
+        raise InputError(f"{document.name} has no skin and no animated nodes.", "Export it with its armature.")
+    joints = max(trees.values(), key=len)
+    listed = document.items("nodes")
+    for node in joints:  # grows while it is walked through
+        below = [child for child in listed[node].get("children", []) if child not in animated]
+        joints += [child for child in below if not {"mesh", "camera", "skin"} & set(listed[child])]
+    return joints
+
+
 def _upwards(nodes: _Nodes, node: int, name: str) -> list[int]:
     """A node and its ancestors, from the node up to the scene's root."""
     line = [node]
@@ -228,43 +251,80 @@ def _even_scale(scales: np.ndarray, where: str) -> float:
 # --- the rig and its poses -------------------------------------------------------------------
 
 
-def _rig_and_poses(
+@dataclass(frozen=True)
+class _Clip:
+    """One animation at even times: local rotations (T, J, 4), places in the parents' frames (T, J, 3), the rate.
+
+    scales: (J,) the scale of the world in which each joint's place is measured.
+    """
+
+    local: np.ndarray
+    places: np.ndarray
+    fps: float
+    scales: np.ndarray
+
+
+def _sampled(
     document: Document,
     nodes: _Nodes,
     skin: _Skin,
     tracks: dict[tuple[int, str], Track],
     fps: float | None,
     room: int,
-) -> tuple[SourceRig, SourcePoses]:
+) -> _Clip:
     times, rate = _times(document, list(tracks.values()), room // len(skin.joints))
     local = np.empty((len(times), len(skin.joints), 4))
     places = np.empty((len(times), len(skin.joints), 3))
-    scales = [1.0] * len(skin.joints)
-    turn, above, place = skin.above
+    scales, sizes = [1.0] * len(skin.joints), np.empty(len(skin.joints))
+    turn, above, _ = skin.above
     for index, (node, parent) in enumerate(zip(skin.joints, skin.parents, strict=True)):
         rest = nodes[node]
         rotation, translation, scale = (tracks.get((node, path)) for path in ("rotation", "translation", "scale"))
         local[:, index] = rest.rotation if rotation is None else sampled(rotation, times)
-        size = above if parent < 0 else scales[parent]
+        sizes[index] = size = above if parent < 0 else scales[parent]
         places[:, index] = size * (rest.translation if translation is None else sampled(translation, times))
         own = rest.scale[None] if scale is None else scale.values
         scales[index] = size * _even_scale(own, f"{document.name}: node '{rest.name[:60]}'")
     local[:, 0] = multiply(turn, local[:, 0])
-    root = place + rotate(turn, places[:, 0])
-    offsets = places.mean(axis=0)
+    return _Clip(local, places, fps or rate, sizes)
+
+
+def _rig(nodes: _Nodes, skin: _Skin, clips: list[_Clip]) -> SourceRig:
+    """The one rig of all clips.
+
+    A joint's offset is its node's place at rest, or, where no clip moves it and all hold it elsewhere, that place.
+    """
+    resting = np.stack([nodes[node].translation for node in skin.joints])
+    offsets = clips[0].scales[:, None] * resting
     offsets[0] = 0.0
-    size = max(float(np.linalg.norm(offsets, axis=1).sum()), 1e-9) / 10
-    strays = np.abs(places - offsets).max(axis=(0, 2)) > _STILL * size
-    moving = [joint for joint in range(1, len(skin.joints)) if strays[joint]]
-    rig = SourceRig(
+    still = _still(offsets)
+    held = clips[0].places[0]
+    for joint in range(1, len(skin.joints)):
+        if all(np.abs(clip.places[:, joint] - held[joint]).max() <= still for clip in clips):
+            offsets[joint] = offsets[joint] if np.abs(held[joint] - offsets[joint]).max() <= still else held[joint]
+    return SourceRig(
         names=tuple(nodes[node].name for node in skin.joints),
         parents=tuple(skin.parents),
         offsets=tuple(map(tuple, offsets.tolist())),
         end_sites=((0.0, 0.0, 0.0),) * len(skin.joints),
-        placed=tuple(joint == 0 or bool(strays[joint]) for joint in range(len(skin.joints))),
+        placed=tuple(joint == 0 for joint in range(len(skin.joints))),
         up_axis="y",
+        usual_unit_m=1.0,
     )
-    return rig, SourcePoses(local, root, fps or rate, moving, places[:, moving])
+
+
+def _still(offsets: np.ndarray) -> float:
+    return _STILL * max(float(np.linalg.norm(offsets, axis=1).sum()), 1e-9) / 10
+
+
+def _poses(rig: SourceRig, skin: _Skin, clip: _Clip) -> SourcePoses:
+    """A clip on the rig; joints that are elsewhere than their offsets have tracks."""
+    turn, _, place = skin.above
+    root = place + rotate(turn, clip.places[:, 0])
+    offsets = np.array(rig.offsets)
+    strays = np.abs(clip.places - offsets).max(axis=(0, 2)) > _still(offsets)
+    moving = [joint for joint in range(1, len(rig.names)) if strays[joint]]
+    return SourcePoses(clip.local, root, clip.fps, moving, clip.places[:, moving])
 
 
 def _times(document: Document, tracks: list[Track], most: int) -> tuple[np.ndarray, float]:

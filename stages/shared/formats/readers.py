@@ -15,6 +15,7 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import InputError
+from stages.shared.formats.smpl_keys import is_smpl
 from stages.shared.formats.sources import Source, above, beside
 
 if TYPE_CHECKING:
@@ -104,9 +105,11 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "amass", (".npz",), "stages.shared.formats.amass:read_amass", _looks_amass,
-        "SMPL, SMPL-H and SMPL-X poses, old and new layouts (`poses`, or `root_orient`, `pose_body`, ...; either"
-        " spelling of the rate); with `--body-models DIR` the subject's own joints from `betas` and `gender`",
-        "Z up, turned to Y up. Without a body model the joints are those of a neutral body of about 1.7 m and only"
+        "SMPL, SMPL-H and SMPL-X poses, AMASS' old and new layouts (`poses`, or `root_orient`, `pose_body`, ...;"
+        " either spelling of the rate) and the smplx package's names (`global_orient`, `body_pose`, `transl`, ...);"
+        " with `--body-models DIR` the subject's own joints from `betas` and `gender`",
+        "Z up, unless the body stands along Y: that is reported. The smplx package's parameters state no rate: 30 is"
+        " assumed. Without a body model the joints are those of a neutral body of about 1.7 m and only"
         " approximate. `dmpls` are left out. Pickles are not read: body models must be `.npz`.",
     ),
     Format(
@@ -133,15 +136,24 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "gltf", (".glb", ".gltf"), "stages.shared.formats.gltf_motion:read_gltf", _looks_gltf,
-        "skins with animations, one clip each; linear, step and cubic samplers; buffers inside the file",
-        "Scales that vary or differ by axis are refused; constant ones are multiplied into the lengths. Buffers in"
-        " other files are not read.",
+        "skins with animations, one clip each, or animated nodes where there is no skin; linear, step and cubic"
+        " samplers; buffers inside the file",
+        "Metres. All clips are on one skeleton, whose lengths are those of the nodes at rest. Scales that vary or"
+        " differ by axis are refused; constant ones are multiplied into the lengths. Buffers in other files are not"
+        " read.",
     ),
 )  # fmt: skip
 NAMES = tuple(each.name for each in FORMATS)
 AUTO = "auto"
 _TO_GLB = "Convert it to GLB with Blender: docs/formats.md shows the command."
 _FOREIGN = ((b"Kaydara FBX Binary", "FBX", _TO_GLB), (b"; FBX ", "FBX", _TO_GLB), (b"#VRML", "VRML", _TO_GLB))
+
+
+_PICKLE = re.compile(rb"\x80[\x02-\x05]")  # the start of protocols 2 to 5, of Python, joblib and older PyTorch
+_TO_NPZ = (
+    "Opening a pickle runs code that it carries. Where you trust it, open it in Python and save plain arrays:"
+    " numpy.savez('clip.npz', global_orient=..., body_pose=..., transl=..., betas=...)."
+)
 
 
 def format_named(name: str) -> Format:
@@ -169,8 +181,10 @@ def recognise(data: bytes, name: str) -> Format | None:
     for mark, what, hint in _FOREIGN:
         if start.startswith(mark):
             raise InputError(f"{name} is {what}, which pumps does not read.", hint)
+    if _PICKLE.match(start):
+        raise InputError(f"{name} is a Python pickle (or an old PyTorch file), which pumps does not read.", _TO_NPZ)
     if start.startswith(b"PK"):
-        return _of_arrays(data)
+        return _of_arrays(data, name)
     suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
     by_suffix = [each for each in FORMATS if suffix in each.suffixes]
     for each in (*by_suffix, *FORMATS):
@@ -179,14 +193,20 @@ def recognise(data: bytes, name: str) -> Format | None:
     return next((each for each in by_suffix if not each.shared and each.name != "amass"), None)
 
 
-def _of_arrays(data: bytes) -> Format | None:
-    """AMASS or positions, by the names of the arrays; None for AMASS' files that hold body shapes only."""
+def _of_arrays(data: bytes, name: str) -> Format | None:
+    """AMASS or positions, by the names of the arrays; None for AMASS' files that hold body shapes only.
+
+    Raises: InputError for a PyTorch file.
+    """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            arrays = {name.removesuffix(".npy") for name in archive.namelist()[:1000]}
+            members = archive.namelist()[:1000]
+            arrays = {name.removesuffix(".npy") for name in members}
     except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError):
         return format_named("amass")  # its reader reports the fault
-    if "poses" in arrays or {"root_orient", "pose_body"} <= arrays:
+    if any(member.endswith("data.pkl") for member in members):
+        raise InputError(f"{name} is a PyTorch file, a pickle inside, which pumps does not read.", _TO_NPZ)
+    if is_smpl(arrays):
         return format_named("amass")
     if arrays <= {"betas", "gender", "num_betas", "surface_model_type", "v_template", "labels", "labels_obs"}:
         return None

@@ -14,6 +14,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh_header_write import header_text, plain_names
 from stages.shared.formats.skeleton_map import SkeletonMap
 from stages.shared.formats.source_body import SourcePoses, SourceRig, body_of, motion_of_poses
+from stages.shared.humanoid.reference_pose import rest_axis
 
 MAX_JOINTS = 4096
 
@@ -27,6 +28,7 @@ class Asked:
     rig, rig_name: bytes and name of the skeleton file, for formats that keep it in a file of its own.
     body_models: folder of SMPL-like body models.
     skeleton_maps: the user's skeleton maps; for each rig the one that matches its joints is used.
+    up_axis: the source's up axis, "y" or "z", if it is not the one that its format states or its body shows.
     """
 
     fps_override: float | None = None
@@ -36,6 +38,7 @@ class Asked:
     rig_name: str = ""
     body_models: Path | None = None
     skeleton_maps: tuple[SkeletonMap, ...] = ()
+    up_axis: str | None = None
 
 
 @dataclass(frozen=True)
@@ -69,17 +72,22 @@ def recording_of(
 
     Raises: InputError naming the file if the joints are not those of a humanoid.
     """
+    if asked.up_axis is not None:
+        rig = replace(rig, up_axis=asked.up_axis)
     rig, poses = depth_first(replace(rig, names=plain_names(rig.names), maps=asked.skeleton_maps), poses)
     moving = set(poses.moving)
     placed = [joint == 0 or joint in moving for joint in range(len(rig.names))]
     header = header_text(rig.names, rig.parents, rig.offsets, rig.end_sites, placed)
     try:
+        body = body_of(rig)
         skeleton, motion, found = motion_of_poses(
-            body_of(rig), poses, header=header, up_axis=rig.up_axis,
+            body, poses, header=header, up_axis=rig.up_axis,
             rest_frame=asked.rest_frame, trim_first=asked.trim_first,
         )  # fmt: skip
     except InputError as error:
         raise InputError(f"{name}: {error.message}", error.hint) from None
+    # A BVH is written in the axes of its header, which is made here from the rest pose; AMASS rests Y up, moves Z up.
+    skeleton = replace(skeleton, up_axis=rest_axis(body.rest, body.parts) or skeleton.up_axis)
     return Recording(skeleton, motion, part, [*notes, *found], list(remarks))
 
 

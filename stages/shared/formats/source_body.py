@@ -46,6 +46,7 @@ class SourceRig:
     unit_m:    metres in one unit if the format states it, None to find it from the stature.
     up_axis:   "y" or "z" if the format states it, None to find it from the pose.
     maps:      the user's skeleton maps; the one that matches these joints overrides what is found.
+    usual_unit_m: metres in the unit of the format's standard, used unless the body is far too small or large.
     """
 
     names: tuple[str, ...]
@@ -56,6 +57,7 @@ class SourceRig:
     unit_m: float | None = None
     up_axis: str | None = None
     maps: tuple[SkeletonMap, ...] = ()
+    usual_unit_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def body_of(rig: SourceRig) -> SourceBody:
             offsets[joint] = 0.0
     unit_m, unit_note = (given and given.unit_m) or rig.unit_m, None
     if unit_m is None:
-        unit_m, unit_note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts))
+        unit_m, unit_note = reference_pose.find_unit(reference_pose.stature_of(offsets, parts), rig.usual_unit_m)
     leaf = reference_pose.LEAF_LENGTH_M / unit_m
     tails, on_chain = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, leaf)
     known, _ = reference_pose.bone_tails(rig.names, parents, offsets, end_sites, parts, 0.0)

@@ -147,7 +147,7 @@ def parts_of_skeleton(skeleton: Skeleton, mapped: bool = False) -> tuple[BodyPar
         try:
             ends = np.linalg.norm(skeleton.tails, axis=1)
             found = find_body_parts(skeleton.names, skeleton.parents, skeleton.offsets, ends)
-            how, sure = ("names", 1.0) if found.sided else ("shape", found.sure)
+            how, sure = "names" if found.sided else "shape", found.sure
         except InputError:
             pass
     chains = tuple(_chain_of(skeleton, group) for group in range(len(BODY_GROUPS)))

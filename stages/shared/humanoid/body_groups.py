@@ -13,12 +13,15 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import NO_GROUP
+from stages.shared.humanoid.certainty import SURE_BY_NAMES, sure_of_margin
 from stages.shared.humanoid.joint_names import LEFT, RIGHT, NameSense, sense_of
 from stages.shared.humanoid.joint_tree import JointTree
 from stages.shared.humanoid.limb_search import find_four_limbs
 
 SPINE, LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG = range(5)
 _JUNK = ("finger", "face", "end", "helper")
+_LEAST_OF_LIMB = 0.5  # of the longest limb's reach: another one of this size is a limb too
+_OF_ANIMALS = {"fin", "fins", "wing", "wings", "tentacle", "pincer", "hoof", "paw", "beak", "snout", "antenna"}
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,8 @@ class BodyParts:
     pelvis:  the topmost joint of the body.
     chains:  for each group the main chain of joints, from the first to the last (hand, toes, head).
     sided:   False if left and right are a guess, since no name states them.
-    sure:    0 to 1, margin of these limbs over the next best choice; 1 if names identify them.
+    sure:    0 to 1, how often bodies found as this one was are right (`stages.shared.humanoid.certainty`).
+    margin:  0 to 1, of the limbs over the next best choice; None if names identify them.
     """
 
     groups: np.ndarray
@@ -37,6 +41,7 @@ class BodyParts:
     chains: tuple[tuple[int, ...], ...]
     sided: bool
     sure: float = 1.0
+    margin: float | None = None
 
     def mirrored(self) -> BodyParts:
         """The same parts with left and right swapped."""
@@ -64,18 +69,19 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
     lengths = np.linalg.norm(offsets, axis=1)
     tree = JointTree(parents, lengths, np.asarray(ends, float), [sense.part in _JUNK for sense in senses])
     limbs = _limbs_by_name(tree, senses)
-    sided, sure = limbs is not None, 1.0
-    if limbs is None:
-        found = find_four_limbs(tree, names)
+    sided, sure, margin = limbs is not None, SURE_BY_NAMES, None
+    found = _too_many_by_name(tree, senses, names)
+    if limbs is None or found:
+        found = found or _animal_by_name(senses, names) or find_four_limbs(tree, names)
         if isinstance(found, str):
             raise InputError(
                 f"The skeleton is not a humanoid that can be recognised, with two legs and two arms: it {found}.",
                 "If it is one, name the joints of its limbs with --skeleton-map, or rename them (LeftUpLeg, ...).",
             )
-        legs, arms, sure = found.legs, found.arms, found.sure
+        legs, arms, margin, sure = found.legs, found.arms, found.margin, sure_of_margin(found.margin)
         limbs = {LEFT_ARM: arms.first, RIGHT_ARM: arms.second, LEFT_LEG: legs.first, RIGHT_LEG: legs.second}
     pelvis = _pelvis_of(tree, senses, limbs)
-    return parts_from_limbs(tree, senses, pelvis, limbs, sided=sided, sure=sure)
+    return replace(parts_from_limbs(tree, senses, pelvis, limbs, sided=sided, sure=sure), margin=margin)
 
 
 def parts_from_limbs(
@@ -101,8 +107,7 @@ def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] |
         (LEFT_LEG, "leg", LEFT),
         (RIGHT_LEG, "leg", RIGHT),
     ):
-        named = {j for j, sense in enumerate(senses) if sense.part == part and sense.side == side}
-        tops = [joint for joint in named if not named & set(tree.ancestors(joint)[1:])]
+        tops = _tops(tree, senses, part, side)
         if not tops:
             return None
         limbs[group] = max(tops, key=tree.branch_length)
@@ -114,6 +119,34 @@ def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] |
         if reaches[1] <= 0 or reaches[0] < 0.5 * reaches[1]:
             return None
     return limbs
+
+
+def _tops(tree: JointTree, senses: list[NameSense], part: str, side: str) -> list[int]:
+    """The first joints of all branches that are named as this part of this side."""
+    named = {j for j, sense in enumerate(senses) if sense.part == part and sense.side == side}
+    return [joint for joint in named if not named & set(tree.ancestors(joint)[1:])]
+
+
+def _too_many_by_name(tree: JointTree, senses: list[NameSense], names: tuple[str, ...]) -> str:
+    """The reason, if names state several legs or several arms of one size on both sides, as a crab's; else ""."""
+    for part in ("leg", "arm"):
+        several = []
+        for side in (LEFT, RIGHT):
+            tops = [joint for joint in _tops(tree, senses, part, side) if len(tree.main_chain(joint, limb=True)) > 1]
+            longest = max((tree.reach[joint] for joint in tops), default=0.0)
+            several.append([joint for joint in tops if tree.reach[joint] > _LEAST_OF_LIMB * longest])
+        if min(len(side) for side in several) > 1:
+            first, second = (names[joint] for joint in sorted(several[0])[:2])
+            return f"has {len(several[0])} {part}s on each side, such as {first} and {second}"
+    return ""
+
+
+def _animal_by_name(senses: list[NameSense], names: tuple[str, ...]) -> str:
+    """The reason, if a joint is named as a limb that people do not have; else ""."""
+    for sense, name in zip(senses, names, strict=True):
+        if _OF_ANIMALS & set(sense.words):
+            return f"has {name}, which is a part of animals"
+    return ""
 
 
 def _pelvis_of(tree: JointTree, senses: list[NameSense], limbs: dict[int, int]) -> int:
@@ -136,7 +169,11 @@ def _spine_chain(tree: JointTree, senses: list[NameSense], pelvis: int, limbs: d
     path = [joint for joint in reversed(tree.ancestors(chest)) if joint >= pelvis and pelvis in tree.ancestors(joint)]
     limbed = {joint for first in limbs.values() for joint in tree.ancestors(first)}
     while senses[path[-1]].part != "head":
-        onward = [child for child in tree.children[path[-1]] if not tree.skipped[child] and child not in limbed]
+        onward = [
+            child
+            for child in tree.children[path[-1]]
+            if not tree.skipped[child] and child not in limbed and senses[child].part not in ("leg", "arm")
+        ]
         if not onward:
             break
         heads = [child for child in onward if _leads_to_a_head(tree, senses, child)]

@@ -16,6 +16,8 @@ _MOST_BRANCHES = 8  # looked at below one joint, the longest first: skirts and h
 _LEAST_LENGTH_RATIO = 0.62
 _LEAST_SIZE_RATIO = 0.35
 _ARM_TO_LEG = (0.3, 1.6)
+_LEAST_LEG_TO_TRUNK = 0.65  # 0.9 is the least of the rigs at hand, a game character with a large head
+_MOST_TAIL_TO_LEG = 1.2
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,11 @@ class LimbPair:
 
 @dataclass(frozen=True)
 class FourLimbs:
-    """Legs and arms, sides unknown. sure: 0 to 1, margin over the next best choice."""
+    """Legs and arms, sides unknown. margin: 0 to 1, over the next best choice."""
 
     legs: LimbPair
     arms: LimbPair
-    sure: float
+    margin: float
 
 
 def find_four_limbs(tree: JointTree, names: Sequence[str]) -> FourLimbs | str:
@@ -54,6 +56,9 @@ def find_four_limbs(tree: JointTree, names: Sequence[str]) -> FourLimbs | str:
     third = _third_pair(tree, pairs, legs, arms)
     if third is not None:
         return f"has more than two pairs of limbs: there is another one at {names[third.above]}"
+    strange = _strange_build(tree, legs, arms)
+    if strange:
+        return strange
     rivals = [value for value, *pair in found[1:] if {id(p) for p in pair} != {id(legs), id(arms)}]
     return FourLimbs(legs, arms, 1.0 - 0.8 * max(rivals, default=0.0) / best)
 
@@ -146,6 +151,22 @@ def _third_pair(tree: JointTree, pairs: list[LimbPair], legs: LimbPair, arms: Li
         if not own & (taken | {legs.above, arms.above}):
             return pair
     return None
+
+
+def _strange_build(tree: JointTree, legs: LimbPair, arms: LimbPair) -> str:
+    """The reason, if the legs are as short beside the trunk as fins, or a tail is longer than they; else ""."""
+    line = tree.ancestors(arms.above)
+    low = tree.ancestors(legs.above)
+    onward = [child for child in tree.children[arms.above] if child not in (arms.first, arms.second, *low)]
+    head = max((tree.branch_length(child) for child in onward), default=0.0)
+    trunk = sum(tree.lengths[joint] for joint in line if joint not in low) + head
+    if legs.length < _LEAST_LEG_TO_TRUNK * trunk:
+        return f"has a trunk and head {trunk / legs.length:.1f} times as long as its legs, like a fish or a lizard"
+    below = [child for child in tree.children[legs.above] if child not in (legs.first, legs.second, *line)]
+    tail = max((tree.branch_length(child) for child in below), default=0.0)
+    if tail > _MOST_TAIL_TO_LEG * legs.length:
+        return f"has a tail {tail / legs.length:.1f} times as long as its legs"
+    return ""
 
 
 def _reason(tree: JointTree, pairs: list[LimbPair], names: Sequence[str]) -> str:

@@ -19,10 +19,12 @@ from stages.shared.humanoid.joint_names import sense_of
 LEAF_LENGTH_M = 0.1
 SHORTEST_BONE_M = 1e-3
 PLAUSIBLE_STATURE_M = (0.7, 2.6)
+_POSSIBLE_STATURE_M = (0.2, 20.0)  # of a body in the unit of its format's standard
 # Metres in a unit, the most common first; 0.0564 is CMU's (inches divided by 0.45).
 _DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
 _OTHER_UNITS = (0.0254, 0.0254 / 0.45, 0.3048)
 _USUAL_STATURE_M = 1.6  # length of legs and trunk if no common unit gives a human size
+_STANDS = 0.75  # least cosine between the trunk, or the legs, and the axis that is up
 _Z_UP_TO_Y_UP = Rotation.from_euler("x", -90, degrees=True)
 
 
@@ -97,14 +99,22 @@ def stature_of(offsets: np.ndarray, parts: BodyParts) -> float:
     return float(leg + lengths[list(parts.chains[SPINE])[1:]].sum())
 
 
-def find_unit(stature: float) -> tuple[float, Note | None]:
+def find_unit(stature: float, usual: float | None = None) -> tuple[float, Note | None]:
     """Metres in one unit of the file, and a note if it is a guess.
 
+    Args:
+        stature: of the body, in the file's unit.
+        usual: metres in the unit of the format's standard. It is used for dolls and giants too, with a note, but not
+            for what can only be a file in another unit.
     Raises: InputError if all bones have zero length.
     """
     if not stature > 0:
         raise InputError("The skeleton's bones have no length.", "Is its OFFSET data missing?")
     low, high = PLAUSIBLE_STATURE_M
+    if usual is not None and _POSSIBLE_STATURE_M[0] <= stature * usual <= _POSSIBLE_STATURE_M[1]:
+        if low <= stature * usual <= high:
+            return usual, None
+        return usual, note(Flag.UNIT_UNCERTAIN, unit_m=usual, stature_m=stature * usual, scaled=False)
     for unit in _DECIMAL_UNITS:
         if low <= stature * unit <= high:
             return unit, None
@@ -138,6 +148,52 @@ def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> s
     if upward[other] > 0.85 and abs(lowest) < 0.25 * leg:
         return "z" if other == 2 else "y"
     return standing
+
+
+def standing_axis_of_poses(positions: np.ndarray, parts: BodyParts) -> str | None:
+    """The axis, "y" or "z", along which a body stands: head over pelvis over feet, feet on a level floor.
+
+    A body that lies on the floor of a Z-up world, along Y, looks like one that stands in a Y-up world; it is told by
+    all of its joints being near the floor.
+
+    Args:
+        positions: (F, J, 3) joints in some poses, metres, in the file's axes.
+    Returns: None if the poses do not show it clearly.
+    """
+    feet = positions[:, [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]].mean(axis=1)
+    head = positions[:, parts.chains[SPINE][-1]]
+    hips = positions[:, [parts.chains[LEFT_LEG][0], parts.chains[RIGHT_LEG][0]]].mean(axis=1)
+    upward = [np.median(_units(upper - lower), axis=0) for upper, lower in ((head, hips), (hips, feet))]
+    low, high = positions.min(axis=1), positions.max(axis=1)
+    stature = float(np.median(np.linalg.norm(head - hips, axis=1) + np.linalg.norm(hips - feet, axis=1)))
+    found = []
+    for axis, name in ((1, "y"), (2, "z")):
+        other = 3 - axis
+        stands = min(part[axis] for part in upward) > _STANDS
+        lies = _is_flat(low[:, other], high[:, other], stature) and abs(np.median(low[:, axis])) > 0.3 * stature
+        if stands and not lies:
+            found.append(name)
+    return found[0] if len(found) == 1 else None
+
+
+def _is_flat(low: np.ndarray, high: np.ndarray, stature: float) -> bool:
+    """Whether the body is all near the floor at 0."""
+    return bool(np.median(np.abs(low)) < 0.1 * stature and np.percentile(high, 95) < 0.45 * stature)
+
+
+def _units(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
+
+
+def rest_axis(rest: np.ndarray, parts: BodyParts) -> str | None:
+    """The axis, "y" or "z", along which a body stands at rest; None if its rest pose does not stand.
+
+    Args:
+        rest: (J, 3) joints at zero rotations.
+    """
+    feet = [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]
+    hips = [parts.chains[LEFT_LEG][0], parts.chains[RIGHT_LEG][0]]
+    return _standing_axis(rest, feet, hips, parts.chains[SPINE][-1])
 
 
 def _standing_axis(rest: np.ndarray, feet: list[int], hips: list[int], head: int) -> str | None:

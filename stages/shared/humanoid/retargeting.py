@@ -1,8 +1,9 @@
 """Retargeting: the motion of one humanoid on another one, of which only a reference pose is known.
 
-First a common reference pose is found: of the source's frames and the target's poses (its rest pose and the frames of
-its file) the two most similar ones, whose remaining difference is then removed bone by bone. From this pose on, every
-bone of the target turns, in the world, as the bones of the source that match it.
+First a common reference pose is found: of the source's poses and the target's (of each, the rest pose and frames of
+its file) the two most similar ones, whose remaining difference is then removed bone by bone. The two rest poses go
+before frames that are little more similar, because directions of bones do not show how a bone is twisted. From this
+pose on, every bone of the target turns, in the world, as the bones of the source that match it.
 
 Names are not used; see `stages.shared.humanoid.bone_matching`. All rotations are global, xyzw, Y up; metres.
 """
@@ -37,6 +38,10 @@ OWN_SHAPE_RAD = np.radians(25)  # a smaller difference of clavicles, feet or han
 NARROW_M = 0.03  # shoulders nearer to each other than this do not determine how the chest is turned
 CANDIDATES = 200  # poses of each body from which the reference is chosen
 UPRIGHT = 0.5  # least cosine between trunk and up, and between legs and down, of a usable rest pose
+REST_POSE = -1  # stands for the index of a frame
+REST_MARGIN_RAD = np.radians(20)  # how much less alike than two frames the rest poses may be, and still be chosen
+_SAME_RIG = np.cos(np.radians(2))  # least cosine between offsets of corresponding joints of one rig
+_SAME_M = 1e-4
 
 
 @dataclass(frozen=True)
@@ -47,8 +52,10 @@ class Retargeted:
     size:         length of the target's legs over the source's, the factor of paths and heights.
     centre:       (3,) centre of that scaling in the source's world: on its floor, where the motion starts.
     lift_m:       how far the target was raised after that, so that its feet are as low as the source's.
-    source_frame: the source's reference frame. target_frame: that of the target's file, or -1 for its rest pose.
+    source_frame: the source's reference frame. target_frame: that of the target's file. REST_POSE for a rest pose.
     apart_rad:    mean angle between matching limb bones of the two reference poses, before it was removed.
+    source_reference: (S, 4) global rotations of the source's joints in its reference pose.
+    target_reference: (J, 4) those of the target's joints in the same pose, its bones turned into the source's pose.
     """
 
     motion: Motion
@@ -58,6 +65,8 @@ class Retargeted:
     source_frame: int
     target_frame: int
     apart_rad: float
+    source_reference: np.ndarray
+    target_reference: np.ndarray
 
     def in_targets_world(self, places: np.ndarray) -> np.ndarray:
         """Places (..., 3) of the source's world, scaled to the target's size."""
@@ -71,6 +80,10 @@ class _PosedBody:
     skeleton: Skeleton
     positions: np.ndarray
     rotations: np.ndarray
+
+    def at(self, pose: int) -> _PosedBody:
+        """The body in one of its poses."""
+        return _PosedBody(self.skeleton, self.positions[[pose]], self.rotations[[pose]])
 
     def directions(self, bones: tuple[int, ...]) -> np.ndarray:
         """(F, 3) unit, from the first bone's head to the last one's tail."""
@@ -124,12 +137,16 @@ def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion |
     """
     moving = _PosedBody(source, positions_of(source, motion), motion.rotations)
     pieces = {group: match_limb(source, target, group) for group in LIMBS}
-    models, names = _reference_poses(target, poses)
-    frame, model, apart = _most_alike(moving, models, pieces)
-    anchor = _PosedBody(models.skeleton, models.positions[[model]], models.rotations[[model]])
-    still = _PosedBody(source, moving.positions[[frame]], moving.rotations[[frame]])
+    still, anchor, frames, apart = _shared_pose(moving, target, poses, pieces)
     turns = _answers(source, target, pieces)
-    rotations = _carried(moving, still, anchor, turns, pieces)
+    if _is_same_rig(source, target):
+        reference = {joint: Rotation.from_quat(q) for joint, q in enumerate(still.rotations[0])}
+    else:
+        reference = _reference_in_source_pose(still, anchor, pieces)
+    rotations = _carried(moving, still, anchor, turns, reference)
+    carried = rotations[frames[0]]
+    if frames[0] == REST_POSE:
+        carried = _carried(still, still, anchor, turns, reference)[0]
     size = size_ratio(source, target)
     centre, hips = _path(moving)
     at_origin = Motion(rotations.astype(np.float32), np.zeros((motion.frames, 3), np.float32), motion.fps)
@@ -137,14 +154,23 @@ def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion |
     made = Motion(at_origin.rotations, roots.astype(np.float32), motion.fps)
     lift = centre[1] - float(floor_levels(positions_of(target, made), find_feet(target)).min())
     made.root_positions[:, 1] += lift
-    return Retargeted(made, size, centre, lift, frame, names[model], apart)
+    references = still.rotations[0], carried.astype(np.float32)
+    return Retargeted(made, size, centre, lift, *frames, apart, *references)
 
 
 def rest_pose(skeleton: Skeleton) -> Motion:
-    """One frame of the skeleton at zero rotations, Y up, joint 0 at the origin."""
-    turn = turn_to_y_up(skeleton.up_axis) or Rotation.identity()
-    rotations = np.broadcast_to(turn.as_quat().astype(np.float32), (1, skeleton.joints, 4)).copy()
-    return Motion(rotations, np.zeros((1, 3), np.float32), 30.0)
+    """One frame of the skeleton at zero rotations, joint 0 at the origin.
+
+    It is turned from the source's up axis to Y up, unless the body stands without this turn: many sources rest Y up
+    and move Z up.
+    """
+    flat = Motion(np.zeros((1, skeleton.joints, 4), np.float32), np.zeros((1, 3), np.float32), 30.0)
+    flat.rotations[..., 3] = 1.0
+    turn = turn_to_y_up(skeleton.up_axis)
+    if turn is None or is_human_pose(skeleton, flat):
+        return flat
+    flat.rotations[:] = turn.as_quat()
+    return flat
 
 
 def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
@@ -155,12 +181,49 @@ def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
     return bool(spine[1] > UPRIGHT and (legs[:, 1] < -UPRIGHT).all())
 
 
+def _shared_pose(
+    moving: _PosedBody, target: Skeleton, poses: Motion | None, pieces: dict[int, tuple[Piece, ...]]
+) -> tuple[_PosedBody, _PosedBody, tuple[int, int], float]:
+    """The pose that stands for the same in both bodies.
+
+    Returns: the source and the target, each in one pose; their frames, REST_POSE for a rest pose; the mean angle
+        between their limbs, which is still to be removed.
+    Raises: InputError if the target has no pose to start from.
+    """
+    source = moving.skeleton
+    if _is_same_rig(source, target):
+        same = [_PosedBody(body, positions_of(body, rest), rest.rotations) for body in (source, target)
+                for rest in [rest_pose(body)]]  # fmt: skip
+        return same[0], same[1], (REST_POSE, REST_POSE), 0.0
+    models, names = _reference_poses(target, poses)
+    frame, model, apart = _most_alike(moving, models, pieces)
+    still, which = moving.at(frame), frame
+    rest = rest_pose(source)
+    if names[0] == REST_POSE and is_human_pose(source, rest):
+        resting = _PosedBody(source, positions_of(source, rest), rest.rotations)
+        _, _, rests_apart = _most_alike(resting, models.at(0), pieces)
+        if rests_apart <= apart + REST_MARGIN_RAD:
+            still, which, model, apart = resting, REST_POSE, 0, rests_apart
+    return still, models.at(model), (which, names[model]), apart
+
+
+def _is_same_rig(source: Skeleton, target: Skeleton) -> bool:
+    """Whether both rest poses have the same joints in the same directions, so that any rotation means the same."""
+    if not np.array_equal(source.parents, target.parents):
+        return False
+    one, other = source.offsets[1:], target.offsets[1:]
+    sizes = [np.linalg.norm(each, axis=1) for each in (one, other)]
+    tiny = [size < _SAME_M for size in sizes]
+    cosines = (one * other).sum(axis=1) / np.maximum(sizes[0] * sizes[1], 1e-12)
+    return bool((tiny[0] == tiny[1]).all() and (tiny[0] | (cosines > _SAME_RIG)).all())
+
+
 def _reference_poses(target: Skeleton, poses: Motion | None) -> tuple[_PosedBody, list[int]]:
-    """The target in every pose that may be its reference, and the frame of each; -1 for the rest pose."""
+    """The target in every pose that may be its reference, and the frame of each; REST_POSE comes first."""
     candidates, names = [], []
     if is_human_pose(target, rest := rest_pose(target)):
         candidates.append((positions_of(target, rest), rest.rotations))
-        names.append(-1)
+        names.append(REST_POSE)
     if poses is not None:
         chosen = np.unique(np.linspace(0, poses.frames - 1, CANDIDATES).astype(int))
         candidates.append((positions_of(target, poses)[chosen], poses.rotations[chosen]))
@@ -238,11 +301,10 @@ def _carried(
     still: _PosedBody,
     anchor: _PosedBody,
     answers: dict[int, np.ndarray],
-    pieces: dict[int, tuple[Piece, ...]],
+    reference: dict[int, Rotation],
 ) -> np.ndarray:
     """(T, J, 4) global rotations of the target: its reference pose, turned as the source turns from its own."""
     target = anchor.skeleton
-    reference = _reference_in_source_pose(still, anchor, pieces)
     now, then = Rotation.from_quat, Rotation.from_quat(still.rotations[0])
     frames = len(moving.rotations)
     out = np.empty((frames, target.joints, 4))

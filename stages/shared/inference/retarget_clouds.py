@@ -89,9 +89,8 @@ def _answering_points(
     chosen, shares, around = draw_points(lengths, points, rng)
     theirs, ours = (_along(s, [p[i] for p in pieces], chosen, shares) for i, s in enumerate((source, target)))
     out = SIGMA_M * around  # in the frame of the target's bone
-    shared = turned.source_frame
-    world = Rotation.from_quat(turned.motion.rotations[shared, ours.bones]).apply(out)
-    back = Rotation.from_quat(motion.rotations[shared, theirs.bones]).inv().apply(world / turned.size)
+    world = Rotation.from_quat(turned.target_reference[ours.bones]).apply(out)
+    back = Rotation.from_quat(turned.source_reference[theirs.bones]).inv().apply(world / turned.size)
     return _MatchedPoints(theirs.bones, theirs.points + back, ours.bones, ours.points + out)
 
 

@@ -56,7 +56,7 @@ def test_joints_of_the_neutral_body(layout: str) -> None:
     trans = np.random.default_rng(1).normal(0, 0.1, (8, 3)) + STANDING
     expected = _by_matrices(layout, np.array(rest.offsets), np.zeros(3), pose_vectors(layout), trans)
     assert np.allclose(_heads(recording, layout), expected, atol=1e-5)
-    assert skeleton.up_axis == "z" and skeleton.unit_m == 1 and skeleton.names[skeleton.root] == "pelvis"
+    assert skeleton.up_axis == "y" and skeleton.unit_m == 1 and skeleton.names[skeleton.root] == "pelvis"
     assert recording.motion.fps == 120 and recording.notes == [] and "neutral body" in str(recording.remarks[0])
     counts = np.bincount(skeleton.groups[skeleton.sampled], minlength=len(BODY_GROUPS))
     assert counts[1] == counts[2] >= 3 and counts[3] == counts[4] >= 3 and counts[0] >= 5
@@ -145,8 +145,8 @@ def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("data", "says"),
     [
-        (b"PK\x03\x04 not really", "no NumPy archive"),
-        (npz(betas=np.zeros(10)), "neither poses nor root_orient"),
+        (b"PK\x03\x04 not really", "is not a NumPy archive"),
+        (npz(betas=np.zeros(10)), "neither poses, nor root_orient and pose_body, nor global_orient"),
         (old_layout(mocap_framerate=None), "no mocap_framerate"),
         (old_layout(mocap_framerate=np.array(0.0)), "0 frames a second"),
         (old_layout(poses=np.zeros((8, 100))), "100 numbers wide"),

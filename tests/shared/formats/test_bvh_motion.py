@@ -156,7 +156,7 @@ def test_no_humanoid_is_refused_by_name() -> None:
     text = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n"
     text += "JOINT b\n{\nOFFSET 0 1 0\nCHANNELS 1 Xrotation\n}\n}\n"
     bvh = read_bvh((text + "MOTION\nFrames: 1\nFrame Time: 0.1\n0 0\n").encode(), "snake.bvh")
-    with pytest.raises(InputError, match=r"snake\.bvh: .*no humanoid"):
+    with pytest.raises(InputError, match=r"snake\.bvh: .*not a humanoid"):
         motion_of(bvh)
 
 

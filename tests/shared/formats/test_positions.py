@@ -145,7 +145,7 @@ def test_amass_and_its_positions_agree() -> None:
     places = _places(amass, names)
     z_up = np.stack([places[..., 0], -places[..., 2], places[..., 1]], axis=-1) * 1000  # millimetres, Z up
     recording = _read(_npy(z_up.astype(np.float32)), rig_name="smpl22")
-    assert recording.skeleton.up_axis == "z" and recording.skeleton.unit_m == pytest.approx(0.001)
+    assert recording.skeleton.up_axis == "y" and recording.skeleton.unit_m == pytest.approx(0.001)
     assert np.abs(_places(recording, names) - places).max() < 2e-3
 
 

@@ -68,7 +68,7 @@ def test_a_map_overrides_what_is_found(tmp_path: Path) -> None:
 def test_a_map_makes_an_unrecognised_rig_readable(tmp_path: Path) -> None:
     names = {name: f"b{i}" for i, name in enumerate(("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe"))}
     text = BvhText(names=names).data().replace(b"0.000000 -42.000000 1.000000", b"0 0 0").replace(b"-41.0", b"-01.0")
-    with pytest.raises(InputError, match="no humanoid"):
+    with pytest.raises(InputError, match="not a humanoid"):
         motion_of(read_bvh(text, "a"))
     chains = CHAINS
     for old, new in names.items():

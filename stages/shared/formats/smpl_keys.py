@@ -1,0 +1,119 @@
+"""The pose vectors of SMPL's files, under AMASS' names of arrays and under those of the smplx package.
+
+Arrays may have a leading axis of 1 (a batch of one), and a pose may be (T, J, 3) or (T, 3 J).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from data_schemas.errors import InputError
+from data_schemas.notes import Flag, Note, note
+from stages.shared.formats.smpl import LAYOUTS
+
+# AMASS' part of the pose: its joints, and the names of smplx' arrays that make it up.
+_PARTS = {
+    "root_orient": ((1,), ("global_orient",)),
+    "pose_body": ((21, 23), ("body_pose",)),
+    "pose_jaw": ((1,), ("jaw_pose",)),
+    "pose_eye": ((2,), ("leye_pose", "reye_pose")),
+    "pose_hand": ((30,), ("left_hand_pose", "right_hand_pose")),
+}
+_FACE_AND_HANDS = ("pose_jaw", "pose_eye", "pose_hand")
+_WIDTHS = tuple(3 * len(names) for names in LAYOUTS.values())
+SMPLX_NAMES = tuple(name for _, names in _PARTS.values() for name in names)
+POSE_NAMES = ("poses", *_PARTS, *SMPLX_NAMES)
+PLACE_NAMES = ("trans", "transl")
+
+
+def names_smplx(listed: Mapping[str, object] | set[str]) -> bool:
+    """Whether a file has the pose under the smplx package's names."""
+    return "global_orient" in listed and "body_pose" in listed
+
+
+def is_smpl(listed: set[str]) -> bool:
+    """Whether the arrays with these names are a recording of SMPL's parameters."""
+    return "poses" in listed or {"root_orient", "pose_body"} <= listed or names_smplx(listed)
+
+
+def pose_vectors(arrays: Mapping[str, np.ndarray], name: str) -> tuple[np.ndarray, list[Note]]:
+    """(T, 3 J) rotation vectors, root first, and notes on what was left out.
+
+    Args:
+        arrays: finite numbers by the names in POSE_NAMES.
+    Raises: InputError naming the file where a pose is missing or has another shape.
+    """
+    if "poses" in arrays:
+        return _whole(arrays["poses"], name), []
+    parts, notes = _parts(arrays, name)
+    if "root_orient" not in parts or "pose_body" not in parts:
+        raise InputError(
+            f"{name} has neither poses, nor root_orient and pose_body, nor global_orient and body_pose.",
+            "Is this a recording of SMPL's parameters?",
+        )
+    if len({len(part) for part in parts.values()}) > 1:
+        raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
+    frames = len(parts["root_orient"])
+    if any(key in parts for key in _FACE_AND_HANDS[:2]):  # SMPL-X has a jaw, eyes and hands, or none of them
+        for key in _FACE_AND_HANDS:
+            parts.setdefault(key, np.zeros((frames, 3 * _PARTS[key][0][0]), parts["pose_body"].dtype))
+    return np.concatenate([parts[key] for key in _PARTS if key in parts], axis=1), notes
+
+
+def places_of(array: np.ndarray) -> np.ndarray:
+    """The pelvis' path without a leading axis of 1."""
+    return array[0] if array.ndim == 3 and len(array) == 1 else array
+
+
+def _whole(array: np.ndarray, name: str) -> np.ndarray:
+    shape = array.shape
+    if shape[:1] == (1,) and (array.ndim == 4 or (array.ndim == 3 and shape[2] in _WIDTHS)):
+        array = array[0]
+    if array.ndim == 3 and array.size:
+        array = array.reshape(len(array), -1)
+    if array.ndim != 2 or len(array) == 0:
+        raise InputError(f"{name}: its poses have the shape {shape}, expected frames by numbers.")
+    return array
+
+
+def _parts(arrays: Mapping[str, np.ndarray], name: str) -> tuple[dict[str, np.ndarray], list[Note]]:
+    """The parts of the pose under AMASS' names, each (T, 3 J)."""
+    parts: dict[str, np.ndarray] = {}
+    notes: list[Note] = []
+    for key, (joints, others) in _PARTS.items():
+        if key in arrays:
+            parts[key] = _rows(arrays[key], joints, f"{name}: {key}")
+        elif all(other in arrays for other in others):
+            each = tuple(count // len(others) for count in joints)
+            if key == "pose_hand" and not all(_row_joints(arrays[other], each) for other in others):
+                notes.append(note(Flag.HANDS_LEFT_OUT))
+                continue
+            halves = [_rows(arrays[other], each, f"{name}: {other}") for other in others]
+            if len({len(half) for half in halves}) > 1:
+                raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
+            parts[key] = np.concatenate(halves, axis=1)
+    return parts, notes
+
+
+def _rows(array: np.ndarray, joints: tuple[int, ...], where: str) -> np.ndarray:
+    """(T, 3 J) of an array of any of the shapes that hold one of the numbers of joints J."""
+    count = _row_joints(array, joints)
+    if array.ndim < 2 or not array.size:
+        raise InputError(f"{where} has no frames or no numbers.")
+    if not count:
+        numbers = " or ".join(str(3 * each) for each in joints)
+        raise InputError(f"{where} has the shape {array.shape}, expected frames by {numbers} numbers.")
+    return array.reshape(-1, 3 * count)
+
+
+def _row_joints(array: np.ndarray, joints: tuple[int, ...]) -> int:
+    """The number of joints of each frame, 0 if the shape fits none; axes before the frames must be of length 1."""
+    for count in joints:
+        shape = array.shape
+        for tail in ((3 * count,), (count, 3)):
+            before = shape[: len(shape) - len(tail)]
+            if shape[len(before) :] == tail and len(before) in (1, 2) and (len(before) == 1 or before[0] == 1):
+                return count
+    return 0

@@ -1,0 +1,104 @@
+"""One rig is one skeleton and one unit, whatever its clips show; nodes without a skin are a rig too."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from data_schemas.motion import skeleton_id
+from data_schemas.notes import Flag
+from stages.shared.formats.bvh_motion import read_bvh_motion
+from stages.shared.formats.bvh_of_motion import bvh_of_motion
+from stages.shared.formats.gltf_motion import read_gltf
+from stages.shared.formats.recording import Asked, Recording
+from stages.shared.humanoid.reference_pose import find_unit
+from stages.shared.kinematics.forward_numpy import positions_of
+from tests.shared.formats.gltf_files import NAMES, GltfText
+
+
+def read(data: bytes) -> list[Recording]:
+    return read_gltf(data, "a.glb", Asked())
+
+
+def heads(recording: Recording) -> np.ndarray:
+    order = [recording.skeleton.names.index(name) for name in NAMES]
+    return positions_of(recording.skeleton, recording.motion)[:, order]
+
+
+def edited(text: GltfText, change) -> bytes:  # type: ignore[no-untyped-def]
+    """The file with its JSON changed."""
+    data = text.data()
+    length = struct.unpack_from("<I", data, 12)[0]
+    scene = json.loads(data[20 : 20 + length])
+    change(scene)
+    inner = json.dumps(scene).encode()
+    inner += b" " * (-len(inner) % 4)
+    rest = data[20 + length :]
+    head = struct.pack("<IIIII", 0x46546C67, 2, 20 + len(inner) + len(rest), len(inner), 0x4E4F534A)
+    return head + inner + rest
+
+
+@pytest.mark.parametrize("moving", [("Hips",), ("Hips", "Chest", "LeftHand"), ("Hips", "LeftUpLeg", "Neck", "Head")])
+def test_clips_of_one_file_are_on_one_skeleton(moving: tuple[str, ...]) -> None:
+    text = GltfText(parts=("walk", "run", "jump"), moving=moving, bind=True)
+    recordings = read(text.data())
+    assert len({skeleton_id(each.skeleton) for each in recordings}) == 1
+    for part, recording in enumerate(recordings):
+        assert np.abs(heads(recording) - text.heads(part)).max() < 2e-5
+
+
+def test_files_of_one_rig_are_on_one_skeleton_whichever_joints_they_move() -> None:
+    files = [GltfText(seed=seed, moving=moving) for seed, moving in
+             enumerate([("Hips",), ("Hips", "Chest"), ("Hips", "LeftHand", "Neck"), ()])]  # fmt: skip
+    recordings = [read(text.data())[0] for text in files]
+    assert len({skeleton_id(each.skeleton) for each in recordings}) == 1
+    # As stored in an artefact: every clip has the header of the first one, which has fewer channels.
+    for text, recording in zip(files, recordings, strict=True):
+        data = bvh_of_motion(recordings[0].skeleton, recording.motion, "a")
+        (back,) = read_bvh_motion(data, "a.bvh", Asked())
+        assert np.abs(heads(back) - text.heads()).max() < 2e-4
+
+
+@pytest.mark.parametrize(("size", "unit_m"), [(1.0, 1.0), (2.2, 1.0), (0.3, 1.0), (100.0, 0.01)])
+def test_gltf_is_in_metres_unless_that_cannot_be(size: float, unit_m: float) -> None:
+    def larger(scene: dict) -> None:
+        scene["nodes"][0]["scale"] = [size] * 3
+
+    (recording,) = read(edited(GltfText(), larger))
+    assert recording.skeleton.unit_m == unit_m
+    assert (Flag.UNIT_UNCERTAIN in {each.flag for each in recording.notes}) == (size in (2.2, 0.3))
+    assert np.abs(heads(recording) - unit_m * size * GltfText().heads()).max() < 1e-3 * size
+
+
+def test_units_of_other_formats_are_found_as_ever() -> None:
+    assert [find_unit(stature)[0] for stature in (160.0, 1.6, 1600.0)] == [0.01, 1.0, 0.001]
+    assert find_unit(5.2, 1.0)[0] == 1.0 != find_unit(5.2)[0]
+
+
+def test_nodes_without_a_skin_are_joints() -> None:
+    def bare(scene: dict) -> None:
+        del scene["skins"]
+        scene["nodes"].append({"name": "Camera", "camera": 0})
+        scene["nodes"][0]["children"].append(len(scene["nodes"]) - 1)
+
+    text = GltfText(scale=0.01, turn=(-90, 0, 0), parts=("walk", "run"))
+    with_skin, without = read(text.data()), read(edited(text, bare))
+    assert [skeleton_id(each.skeleton) for each in with_skin] == [skeleton_id(each.skeleton) for each in without]
+    for one, other in zip(with_skin, without, strict=True):
+        np.testing.assert_array_equal(one.motion.rotations, other.motion.rotations)
+        assert Flag.NODES_AS_JOINTS in {each.flag for each in other.remarks}
+
+
+def test_still_nodes_at_the_ends_of_chains_are_joints_too() -> None:
+    hand = NAMES.index("LeftHand")
+
+    def bare(scene: dict) -> None:
+        del scene["skins"]
+        for animation in scene["animations"]:
+            animation["channels"] = [c for c in animation["channels"] if c["target"]["node"] != hand + 1]
+
+    (recording,) = read(edited(GltfText(), bare))
+    assert set(recording.skeleton.names) == set(NAMES)
