@@ -100,7 +100,7 @@ CHANGES = {
     "too few frames": _replace("clips/walk/rotations", np.zeros((9, 3, 4), np.float32)),
     "too few joints": _replace("clips/walk/rotations", np.zeros((10, 2, 4), np.float32)),
     "not finite": _replace("clips/walk/root_positions", np.full((10, 3), np.nan)),
-    "no unit quaternions": _replace("clips/walk/rotations", np.zeros((10, 3, 4), np.float32)),
+    "not unit quaternions": _replace("clips/walk/rotations", np.zeros((10, 3, 4), np.float32)),
     "texts for numbers": _replace("clips/walk/root_positions", np.full((10, 3), b"abc")),
     "track out of range": _replace("clips/walk/track_joints", np.array([99], np.int32)),
     "huge track list": lambda file: (

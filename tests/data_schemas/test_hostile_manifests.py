@@ -103,7 +103,7 @@ def test_missing_and_wrong_places(tmp_path, path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 def test_a_manifest_that_is_a_pipe_does_not_block(tmp_path):
     os.mkfifo(tmp_path / "manifest.json")
-    with pytest.raises(InputError, match="no plain file"):
+    with pytest.raises(InputError, match="not a plain file"):
         open_artefact(tmp_path)
 
 

@@ -142,10 +142,10 @@ def test_damaged_and_missing_sources(tmp_path: Path, monkeypatch: pytest.MonkeyP
         with pytest.raises(InputError):
             find_sources([str(tmp_path / missing)])
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="no recordings"):
+    with pytest.raises(InputError, match="not a recordings"):
         find_sources([str(tmp_path / "empty")])
     (tmp_path / "big.bvh").write_bytes(b"12345")
     source = find_sources([str(tmp_path / "big.bvh")])[0]
     monkeypatch.setattr(module, "MAX_FILE_BYTES", 4)
-    with pytest.raises(InputError, match="no recording"):
+    with pytest.raises(InputError, match="not a recording"):
         source.read()

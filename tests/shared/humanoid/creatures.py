@@ -1,4 +1,4 @@
-"""Bodies that are no humanoids: animals, a hand, a tree; of random sizes, named as their makers name them, moving."""
+"""Bodies that are not humanoid: animals, a hand, a tree; of random sizes, named as their makers name them, moving."""
 
 from __future__ import annotations
 
