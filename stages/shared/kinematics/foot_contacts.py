@@ -77,6 +77,23 @@ def has_feet(skeleton: Skeleton) -> bool:
     return all(_leg_chain(skeleton, group) for group in LEGS)
 
 
+def limb_joints(skeleton: Skeleton, feet: Feet) -> np.ndarray:
+    """(2, 3) hip, knee and ankle of each leg, in the order of `LEGS`, index into the skeleton.
+
+    The ankle is the leg's first contact joint. The knee is the joint above it that parts the leg most evenly, so that
+    a hip of several joints, or a twist joint, is none. A leg with no joint between hip and ankle has its hip twice.
+    """
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    found = np.empty((len(feet.chains), 3), np.int64)
+    for leg, chain in enumerate(feet.chains):
+        ankle = next(place for place, joint in enumerate(chain) if joint in feet.joints)
+        down = np.concatenate([[0.0], np.cumsum(lengths[list(chain[1 : ankle + 1])])])
+        inner = range(1, ankle)
+        knee = max(inner, key=lambda place, down=down: min(down[place], down[-1] - down[place]), default=0)
+        found[leg] = chain[0], chain[knee], chain[ankle]
+    return found
+
+
 def _leg_chain(skeleton: Skeleton, group: int) -> tuple[int, ...]:
     """Sampled joints of a leg from the hip down, or all of its joints where none is sampled."""
     members = np.flatnonzero((skeleton.groups == group) & skeleton.sampled)
