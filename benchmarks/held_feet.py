@@ -25,6 +25,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.evaluate.methods import without_answers
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
+from stages.shared.formats.readers import AUTO, suffixes_of
 from stages.shared.formats.sources import find_sources
 from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filling import fill_motion
@@ -106,8 +107,8 @@ def cases(archives: list[str], most: int, folder: Path) -> Iterator[Case]:
     """The windows of all archives and tasks."""
     names: list[str] = []
     for archive in archives:
-        found = find_sources([archive])
-        picks = np.unique(np.linspace(0, len(found) - 1, 3 * most).astype(int))
+        found = find_sources([archive], suffixes_of(AUTO))
+        picks = np.unique(np.linspace(0, len(found) - 1, 2 * most).astype(int))
         names += [found[pick].name for pick in picks]
     ingest(IngestConfig(sources=tuple(names), output=folder, workers=1))
     with MotionReader(open_artefact(folder, "motion")) as reader:

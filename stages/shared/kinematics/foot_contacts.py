@@ -34,6 +34,8 @@ LEVEL_PERCENTILE = 5.0
 LEAST_S = 0.1
 FOOT_SHARE = (0.05, 0.35)  # of the leg's length, what a foot bone may measure
 
+LEAST_SHARE = 1e-3  # of the leg's length: a shorter bone has no length
+
 
 @dataclass(frozen=True)
 class Feet:
@@ -90,7 +92,8 @@ def limb_joints(skeleton: Skeleton, feet: Feet) -> np.ndarray:
         down = np.concatenate([[0.0], np.cumsum(lengths[list(chain[1 : ankle + 1])])])
         inner = range(1, ankle)
         knee = max(inner, key=lambda place, down=down: min(down[place], down[-1] - down[place]), default=0)
-        found[leg] = chain[0], chain[knee], chain[ankle]
+        hip = 1 if lengths[chain[0]] < LEAST_SHARE * down[-1] and knee > 1 else 0
+        found[leg] = chain[hip], chain[knee], chain[ankle]
     return found
 
 
