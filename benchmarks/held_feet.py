@@ -35,7 +35,6 @@ from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import has_feet
 from stages.shared.kinematics.resampling import resample, resampled_frames
 from stages.shared.solve.skeleton_pose import SkeletonPose
-from stages.shared.statistics import feel_pops as pops
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import BASELINES, Poses
 from stages.shared.statistics.feel import feel, true_feet
@@ -145,22 +144,12 @@ def table(measured: list[tuple[Case, dict[str, Figures]]]) -> str:
                 f"{1000 * np.nanmean([row['foot_skate_mps'] for row in rows]):.0f}",
                 f"{np.nanmean([row['floating_mm'] for row in rows]):.1f}",
                 f"{np.mean([r['jerk_mps3'] / max(t['jerk_mps3'], 1e-9) for r, t in zip(rows, truth, strict=True)]):.2f}",
-                *(str(sum(flag)) for flag in _flags(rows, truth)),
+                *(f"{sum(row[share] for row in rows):.0f}" for share in ("twist_share", "jolt_share")),
                 *(str(_worse(rows, loose, metric)) for metric in ("largest_turn_deg", "largest_acceleration_mps2")),
                 f"{sum(row['crossing_frames'] for row in rows):.0f}",
             ]
             lines.append(f"| {label} | {name} | {len(rows)} | {' | '.join(cells)} |")
     return "\n".join(lines)
-
-
-def _flags(rows: list[Figures], truth: list[Figures]) -> tuple[list[bool], list[bool]]:
-    """Which windows twist, and which jolt."""
-    columns = ("largest_turn_deg", "largest_acceleration_mps2")
-    (turns, accelerations), (true_turns, true_accelerations) = (
-        (np.array([each[column] for each in some]) for column in columns) for some in (rows, truth)
-    )
-    twist, jolt = pops.twists(turns, true_turns), pops.jolts(accelerations, true_accelerations)
-    return [bool(x) for x in twist], [bool(x) for x in jolt]
 
 
 def _worse(rows: list[Figures], loose: list[Figures], metric: str) -> int:

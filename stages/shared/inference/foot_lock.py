@@ -44,7 +44,7 @@ NOISE_M, OPEN_RAD = 0.004, 0.5  # how nearly a foot's place is met; a turn of a 
 # A leg may turn and accelerate so much, whatever the filled motion does: degrees a second, metres a second squared.
 CALM_DEG_PER_S, CALM_MPS2 = 300.0, 15.0
 MORE = 1.25
-DEBUG = False
+FLOOR_ROUNDS = 3
 LET_GO, ROUNDS, NEAR_S = 0.6, 8, 0.2  # what is left of a stand's shift in each round, near what is too much
 
 
@@ -73,8 +73,8 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     places = pose.heads.numpy()
     contacts = standing_feet(places, feet, fps, known)
     gaps = np.flatnonzero(~known)
-    wanted = _foot_shifts(places, contacts, feet, known, fps)
-    if len(gaps) == 0 or not any(np.any(leg.shifts) for leg in wanted):
+    wanted = _wanted_shifts(places, contacts, feet, known)
+    if len(gaps) == 0 or not any(leg.held.any() or leg.heights.min() < leg.floors.min() for leg in wanted):
         return pose
     legs = _legs_of(pose, feet, known)
     turns = _eased(legs, wanted, known, fps)
@@ -113,56 +113,45 @@ def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarr
 
 @dataclass(frozen=True)
 class _Wanted:
-    """What is wanted of one leg's foot.
+    """What is wanted of one leg's foot over T frames.
 
-    shifts: (T, 3) metres, in the frames in which it is `held` (T,) bool; elsewhere 0.
-    lift:   (T,) metres more upwards, at once, that keep it above the floor.
+    shifts:  (T, 3) metres, in the frames in which it is held, elsewhere 0.
+    held:    (T,) bool.
+    heights: (T, M) of its contact joints, metres.
+    floors:  (M,) the lowest that a contact joint of each kind comes in a known frame.
     """
 
     shifts: np.ndarray
     held: np.ndarray
-    lift: np.ndarray
+    heights: np.ndarray
+    floors: np.ndarray
+
+    def path(self, trust: np.ndarray, floor_trust: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
+        """(T, 3) shifts that come and go smoothly, of stands and of what lies below the floor as far as trusted (T,)."""
+        path = _smooth(trust[:, None] * self.shifts, self.held, known, fps)
+        wanted = np.zeros((len(known), 1))
+        lift = wanted
+        for _ in range(FLOOR_ROUNDS):  # what the smoothing leaves below the floor is asked for again
+            sunk = (self.floors - (self.heights + path[:, 1:2] + lift)).max(1, keepdims=True)
+            wanted = wanted + np.where(known[:, None], 0.0, np.maximum(sunk, 0.0))
+            lift = _smooth(wanted, wanted[:, 0] > 0, known, fps)
+        path[:, 1:2] += _smooth(floor_trust[:, None] * wanted, wanted[:, 0] > 0, known, fps)
+        return path
 
 
-def _foot_shifts(
-    places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray, fps: float
-) -> list[_Wanted]:
-    """How far each leg's foot is to be moved, in the order of `LEGS`."""
+def _wanted_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray) -> list[_Wanted]:
+    """What is wanted of each leg's foot, in the order of `LEGS`."""
     found = []
     heights = places[:, feet.joints, 1]
+    lowest = [heights[known][:, feet.is_end == end].min() for end in feet.is_end]
     for group in dict.fromkeys(feet.groups):
         members = np.flatnonzero(feet.groups == group)
-        wanted = np.zeros((len(places), len(members), 3))
-        for column, member in enumerate(members):
-            wanted[:, column] = _held(places[:, feet.joints[member]], contacts[:, member], known)
+        wanted = np.stack([_held(places[:, feet.joints[m]], contacts[:, m], known) for m in members], axis=1)
         held = contacts[:, members]
         count = held.sum(1, keepdims=True)
         own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
-        held = np.asarray(held.any(1))
-        # A foot below the floor is wanted on it; then what the smoothing leaves below it is lifted out.
-        path = _smooth(own, held, known, fps)
-        sunk = _sunk(heights, path[:, 1], members, feet, known)
-        own = np.where(held[:, None], own, path) * (held | (sunk > 0))[:, None]
-        own[:, 1] += sunk
-        held = held | (sunk > 0)
-        path = _smooth(own, held, known, fps)
-        found.append(_Wanted(own, held, _sunk(heights, path[:, 1], members, feet, known)))
+        found.append(_Wanted(own, np.asarray(held.any(1)), heights[:, members], np.array(lowest)[members]))
     return found
-
-
-def _sunk(heights: np.ndarray, raised: np.ndarray, members: np.ndarray, feet: Feet, known: np.ndarray) -> np.ndarray:
-    """(T,) how far a leg's foot, raised so far (T,), lies below the floor in the frames that are not known.
-
-    Args:
-        heights: (T, F) of all contact joints; the floor is the lowest that one of its kind comes in a known frame.
-        members: the leg's contact joints.
-    """
-    deepest = np.zeros(len(heights))
-    for member in members:
-        alike = feet.is_end == feet.is_end[member]
-        floor = heights[known][:, alike].min()
-        deepest = np.maximum(deepest, floor - (heights[:, member] + raised))
-    return np.where(known, 0.0, deepest)
 
 
 def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -224,28 +213,35 @@ def _eased(legs: list[_Leg], wanted: list[_Wanted], known: np.ndarray, fps: floa
 
 def _eased_leg(leg: _Leg, wanted: _Wanted, limits: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
     runs = _runs(wanted.held)
-    trust = np.ones(len(runs))
-    lift = wanted.lift.copy()
-    while trust.any() or lift.any():
-        share = np.zeros(len(known))
-        for run, kept in zip(runs, trust, strict=True):
-            share[run] = kept
-        shifts = _smooth(share[:, None] * wanted.shifts, wanted.held, known, fps)
-        shifts[:, 1] += lift
+    trusts, floor_trust = np.ones(len(runs)), np.ones(len(known))
+    gaps = _runs(~known)
+    while trusts.any() or floor_trust[~known].any():
+        trust = np.zeros(len(known))
+        for run, kept in zip(runs, trusts, strict=True):
+            trust[run] = kept
+        shifts = wanted.path(trust, floor_trust, known, fps)
         turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=SMOOTH_S * fps)
         over = np.flatnonzero((_motion_of(leg, turns, fps) > limits).any(0))
         if not len(over):
             return turns
-        if DEBUG: print('over',over,np.round(trust,2))
-        near = np.array([np.abs(run[:, None] - over).min() for run in runs]) <= NEAR_S * fps
-        if not trust[near].any():
-            near = trust > 0
-        if lift.any():
-            lift[:] = 0.0
-        else:
-            trust[near] *= LET_GO
-            trust[trust < LET_GO**ROUNDS] = 0.0
+        near = np.array([np.abs(run[:, None] - over).min() <= NEAR_S * fps for run in runs], bool)
+        if (trusts[near] > 0).any():
+            trusts[near] = _less(trusts[near])
+            continue
+        # No stand is left there: the floor is let go, and after that, far stands.
+        touched = [gap for gap in gaps if ((over >= gap[0] - 1) & (over <= gap[-1] + 1)).any()]
+        touched = [gap for gap in touched if floor_trust[gap].any()]
+        for gap in touched:
+            floor_trust[gap] = _less(floor_trust[gap])
+        if not touched:
+            trusts = _less(trusts)
+            floor_trust = floor_trust if trusts.any() else _less(floor_trust)
     return np.zeros(leg.limb.offsets.shape)
+
+
+def _less(trusts: np.ndarray) -> np.ndarray:
+    """Trusts after one more round."""
+    return np.where(trusts * LET_GO > LET_GO**ROUNDS, trusts * LET_GO, 0.0)
 
 
 def _motion_of(leg: _Leg, turns: np.ndarray, fps: float) -> np.ndarray:

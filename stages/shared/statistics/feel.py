@@ -19,8 +19,10 @@ from stages.shared.statistics.feel_pops import (
     SHIN_RADIUS_SHARE,
     crossing_frames,
     floating_mm,
+    jolts,
     largest_acceleration_mps2,
     largest_turn_deg,
+    twists,
 )
 from stages.shared.statistics.measurements import Measurements, Truth, keys_beside_gaps
 
@@ -78,8 +80,7 @@ def feel(
     found = {
         "key_jump_mps": key_jump_mps(positions[:, :, joints], keys_beside_gaps(truth.known)),
         "jerk_mps3": jerk_mps3(positions[:, :, joints], missing),
-        "largest_turn_deg": largest_turn_deg(rotations[:, :, joints], missing),
-        "largest_acceleration_mps2": largest_acceleration_mps2(positions[:, :, joints], missing),
+        **_pops(positions[:, :, joints], rotations[:, :, joints], truth, joints),
     }
     if seams is not None and len(seams):
         found["seam_share"] = seam_share(positions[:, :, joints], missing, seams)
@@ -93,6 +94,20 @@ def feel(
     if fell_back is not None:
         found["fell_back_share"] = fell_back[:, missing][:, :, joints].mean(axis=(1, 2))
     return {name: (values, np.ones(len(values))) for name, values in found.items()}
+
+
+def _pops(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: np.ndarray) -> dict[str, np.ndarray]:
+    """Largest turn and acceleration of the joints that count, and whether they are a twist or a jolt."""
+    missing = ~truth.known
+    turns, true_turns = (largest_turn_deg(each, missing) for each in (rotations, truth.rotations[:, :, joints]))
+    places = (positions, truth.positions[:, :, joints])
+    accelerations, true_accelerations = (largest_acceleration_mps2(each, missing) for each in places)
+    return {
+        "largest_turn_deg": turns,
+        "largest_acceleration_mps2": accelerations,
+        "twist_share": twists(turns, true_turns),
+        "jolt_share": jolts(accelerations, true_accelerations),
+    }
 
 
 def key_jump_mps(positions: np.ndarray, keys: np.ndarray) -> np.ndarray:
