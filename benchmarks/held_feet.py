@@ -2,10 +2,10 @@
 
     python benchmarks/held_feet.py [ARCHIVE ...] [--most 5] [--weights small-free] [--keep FOLDER]
 
-Without archives: the embedded clips, and every archive in ../shared/data that is there. Of each archive `--most` clips,
-evenly chosen, one window of each, are filled with keys every 15 and every 30 frames and as a transition of 30. The
-networks run once for each window; with `--keep` their fills are stored there and read again by the next run, so that
-a change of the foot lock alone is measured in a minute.
+Without archives: the embedded clips, and every archive in ../shared/data that is there. Of each archive `--most`
+clips, evenly chosen, one window of each, are filled with keys every 15 and every 30 frames and as a transition of 30.
+The networks run once for each window. With `--keep` their fills are stored there and read again by the next run, so
+that a change of the foot lock alone is measured in a minute.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ class Case:
         stored = keep / f"{self.name}.npz".replace("/", "_") if keep else None
         if stored and stored.exists():
             with np.load(stored) as arrays:
-                return Motion(*(arrays[k] for k in ("rotations", "roots")), MODEL_FPS, arrays["joints"], arrays["tracks"])
+                return Motion(
+                    *(arrays[k] for k in ("rotations", "roots")), MODEL_FPS, arrays["joints"], arrays["tracks"]
+                )
         given = without_answers(self.truth, self.known)
         made = fill_motion(self.skeleton, given, self.known, SynthesisedClouds(models)).motion
         if stored:
@@ -143,13 +145,17 @@ def table(measured: list[tuple[Case, dict[str, Figures]]]) -> str:
                 f"{np.mean([row['l2p_share'] for row in rows]):.3f}",
                 f"{1000 * np.nanmean([row['foot_skate_mps'] for row in rows]):.0f}",
                 f"{np.nanmean([row['floating_mm'] for row in rows]):.1f}",
-                f"{np.mean([r['jerk_mps3'] / max(t['jerk_mps3'], 1e-9) for r, t in zip(rows, truth, strict=True)]):.2f}",
+                f"{np.mean(_column(rows, 'jerk_mps3') / np.maximum(_column(truth, 'jerk_mps3'), 1e-9)):.2f}",
                 *(f"{sum(row[share] for row in rows):.0f}" for share in ("twist_share", "jolt_share")),
                 *(str(_worse(rows, loose, metric)) for metric in ("largest_turn_deg", "largest_acceleration_mps2")),
                 f"{sum(row['crossing_frames'] for row in rows):.0f}",
             ]
             lines.append(f"| {label} | {name} | {len(rows)} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _column(rows: list[Figures], metric: str) -> np.ndarray:
+    return np.array([row[metric] for row in rows])
 
 
 def _worse(rows: list[Figures], loose: list[Figures], metric: str) -> int:

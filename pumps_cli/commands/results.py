@@ -35,5 +35,5 @@ def command(
         rows, page = read_metrics(open_artefact(metrics, "metrics"))
         filling = all(row.metric in METRICS for row in rows)
         found = cells(rows) if filling else {}
-        text = (lambda: [*terminal_lines(found), *feel_lines(found), *pop_lines(rows)]) if filling else page.splitlines
-        show(manner, text, lambda: [asdict(row) for row in rows])
+        tables = lambda: [*terminal_lines(found), *feel_lines(found), *pop_lines(rows)]  # noqa: E731
+        show(manner, tables if filling else page.splitlines, lambda: [asdict(row) for row in rows])

@@ -138,7 +138,9 @@ def _swapped(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray) -
     votes = 0.0
     for leg, (hip, knee, ankle) in zip(legs, joints, strict=True):
         last = leg[-1]
-        toes = places[:, last] - places[:, ankle] + Rotation.from_quat(rotations[some, last]).apply(skeleton.tails[last])
+        toes = (
+            places[:, last] - places[:, ankle] + Rotation.from_quat(rotations[some, last]).apply(skeleton.tails[last])
+        )
         votes += float(((toes + _bend(*(places[:, joint] for joint in (hip, knee, ankle)))) * forward).sum(-1).mean())
     return votes < 0
 

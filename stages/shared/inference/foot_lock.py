@@ -3,11 +3,11 @@
 While a contact joint stands (`stages.shared.kinematics.foot_contacts`), its foot is shifted as a whole to one place:
 through the keys' own places where keys are among the frames, else to the mean. The shift comes and goes smoothly, is
 nothing at every key; and no foot comes lower than the lowest does in the known frames. The leg's joints above the
-foot are solved for it over time (`stages.shared.solve.limb_solve`); the foot keeps its direction, the pelvis its place.
-Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
+foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its direction, the pelvis its
+place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
 
-A held foot must not cost a pop: where a leg would turn or accelerate more than the filled motion does in the same gap,
-and more than a viewer takes for calm, the foot is let go as far as it takes (`_eased`).
+A held foot must not cost a pop. Where a leg would turn faster or accelerate more than both legs of the filled motion
+do in the same gap, and more than a calm motion does, its shift is made smaller until it does not (`_eased`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from stages.shared.kinematics.foot_contacts import (
-    HEIGHT_SHARE,
     SPEED_SHARE,
     Feet,
     contact_speeds,
@@ -39,11 +38,15 @@ from stages.shared.solve.smoothing import smooth_corrections
 SMOOTH_S, LOOSE = 0.06, 0.005
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 1.5
+LOW_SHARE = 0.06  # of the leg: a filled foot is low up to this height above its floor level
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
-NOISE_M, OPEN_RAD = 0.004, 0.5  # how nearly a foot's place is met; a turn of a leg's joint where the keys tell nothing
+NOISE_M, OPEN_RAD = (
+    0.004,
+    0.5,
+)  # how nearly a foot's place is met; a turn of a leg's joint where the keys tell nothing
 # A leg may turn and accelerate so much, whatever the filled motion does: degrees a second, metres a second squared.
-CALM_DEG_PER_S, CALM_MPS2 = 300.0, 15.0
-MORE = 1.25
+CALM_DEG_PER_S, CALM_MPS2 = 300.0, 25.0
+MORE = 1.25  # both limits, times this, are not too much
 FLOOR_ROUNDS = 3
 LET_GO, ROUNDS, NEAR_S = 0.6, 8, 0.2  # what is left of a stand's shift in each round, near what is too much
 
@@ -95,8 +98,8 @@ def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarr
     speeds = contact_speeds(positions, feet, fps)
     fastest = maximum_filter1d(speeds, 2 * round(FASTEST_WITHIN_S * fps) + 1, axis=0)
     slow = np.clip(SLOW_SHARE * fastest, SPEED_SHARE * feet.leg_m, SLOW_AT_MOST * feet.leg_m)
-    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow)
-    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
+    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow, low_share=LOW_SHARE)
+    low = positions[:, feet.joints, 1] - levels <= LOW_SHARE * feet.leg_m
     keys = np.flatnonzero(known)
     for first, last in pairwise(keys):
         if last - first < 2:
@@ -127,7 +130,7 @@ class _Wanted:
     floors: np.ndarray
 
     def path(self, trust: np.ndarray, floor_trust: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
-        """(T, 3) shifts that come and go smoothly, of stands and of what lies below the floor as far as trusted (T,)."""
+        """(T, 3) shifts that come and go smoothly: of stands and out of the floor, each times its trust (T,)."""
         path = _smooth(trust[:, None] * self.shifts, self.held, known, fps)
         wanted = np.zeros((len(known), 1))
         lift = wanted
@@ -247,7 +250,7 @@ def _less(trusts: np.ndarray) -> np.ndarray:
 def _motion_of(leg: _Leg, turns: np.ndarray, fps: float) -> np.ndarray:
     """(2, T) how fast the leg turns, degrees a second, and how much it accelerates, metres a second squared.
 
-    Of the joint that does so most; the faster of the turns from and to a frame. Its hip is left out: it does not move.
+    Of the joint that does so most; the faster of the turns from and to a frame. The hip, which stays, is left out.
     """
     rotations, places, end = leg.limb.turned(turns)
     cosines = np.abs((rotations[1:] * rotations[:-1]).sum(-1))

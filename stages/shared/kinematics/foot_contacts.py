@@ -146,6 +146,7 @@ def detect_contacts(
     known: np.ndarray | None = None,
     levels: np.ndarray | None = None,
     slow_mps: np.ndarray | None = None,
+    low_share: float = HEIGHT_SHARE,
 ) -> np.ndarray:
     """Which contact joints stand in which frames, (T, F) bool, by the definition above.
 
@@ -154,10 +155,11 @@ def detect_contacts(
         known: (T,) bool, the frames that the floor's level is taken from; None for all.
         levels: (F,) the floor's levels, where they are known already.
         slow_mps: (T, F) the speed up to which a joint is slow, where it is not `SPEED_SHARE` legs a second.
+        low_share: of the leg, the height up to which a joint is low.
     """
     levels = floor_levels(positions, feet, known) if levels is None else levels
     slow_mps = np.array(SPEED_SHARE * feet.leg_m) if slow_mps is None else slow_mps
-    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
+    low = positions[:, feet.joints, 1] - levels <= low_share * feet.leg_m
     slow = contact_speeds(positions, feet, fps) <= slow_mps
     least = max(round(LEAST_S * fps), 1)
     filled = ~_long_runs(~(low & slow), least)

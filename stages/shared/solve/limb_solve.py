@@ -6,9 +6,9 @@ rotation. Their cost, with e the limb's end, s the shift that is wanted of it an
 
     sum over t of |e(t) - e_base(t) - s(t)|^2 / noise^2 + turn' P turn + span^4 turn'' ' P turn''
 
-The last term bounds how fast corrections come and go, also where a straight limb would have the turns leap. Frames are
-solved together by Gauss-Newton; the matrix is banded, so that the cost grows with the number of frames. Before, the
-wanted places are drawn in to where the limb is not yet straight (`within_reach`).
+The last term bounds how fast corrections come and go, also where a straight limb would have the turns leap. Frames
+are solved together by Gauss-Newton. The matrix is banded, so that the cost grows with the number of frames. Before,
+the wanted places are drawn in to where the limb is not yet straight (`within_reach`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Limb:
 def within_reach(limb: Limb, ends: np.ndarray) -> np.ndarray:
     """Places (T, 3) of a limb's end, drawn towards its first joint as far as they would straighten it.
 
-    The limb is let to reach up to `REACH` of its length, or as far as it reaches by itself; within `SOFT` before that
+    The limb may reach up to `REACH` of its length, or as far as it reaches by itself; within `SOFT` before that
     a place gives way more and more, so that the limb slows down before it stops.
     """
     length = np.linalg.norm(limb.offsets, axis=-1).sum(1)
@@ -147,7 +147,7 @@ def _times(bands: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _banded(bands: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """The lower bands, as LAPACK has them, of the Kronecker product of a matrix of bands (3, T) and a block (m, m)."""
+    """LAPACK's lower bands of the Kronecker product of a symmetric matrix of bands (3, T) and a block (m, m)."""
     size, frames = len(block), bands.shape[1]
     out = np.zeros((3 * size, frames * size))
     for away in range(3):

@@ -56,7 +56,8 @@ def floating_mm(heights: np.ndarray, floors: np.ndarray, contacts: np.ndarray, m
     stands; millimetres, NaN where none does.
 
     Args:
-        heights: (B, T, F) of the contact joints, metres. floors: (B, F) metres. contacts: (B, T, F) bool, the truth's.
+        heights: (B, T, F) of the contact joints, metres. floors: (B, F) metres.
+        contacts: (B, T, F) bool, the truth's.
     """
     stands = contacts.any(axis=-1) & missing
     above = np.maximum((heights - floors[:, None]).min(axis=-1), 0.0)

@@ -1,4 +1,4 @@
-"""The table of pops: for every task and method how many windows twist or jolt, and the worst window of each figure."""
+"""The table of pops: for every task and method the share of windows that twist or jolt, and the worst windows."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ WORST = {
 }
 ASIDE = ("lerp", "cubic")
 LEGEND = (
-    "Pops: the share of windows that twist (a joint turns more than 30 degrees in a frame and 1.5 times as far as any "
-    "does in the true window) or jolt (a joint accelerates more than twice as much as any does in the true window); "
-    "then, for each figure, its largest value in any window, with the clip and the window's first frame at 30 frames a "
-    "second. The truth's row shows what its own motion asks for."
+    "Pops: the share of windows that twist (a joint turns more than 30 degrees in a frame and 1.5 times as far as "
+    "any does in the true window) or jolt (a joint accelerates more than twice as much as any does in the true "
+    "window); then, for each figure, its largest value in any window, with the clip and the window's first frame at "
+    "30 frames a second. The truth's row has the true motion's own figures."
 )
 
 

@@ -1,4 +1,4 @@
-"""Flags that were raised on clips with nothing wrong: straight legs on long feet, and bodies that stay in their place."""
+"""Flags on clips with nothing wrong: straight legs on long feet, and bodies that stay in their place."""
 
 from __future__ import annotations
 
@@ -51,7 +51,13 @@ def standing_body(knee_back_m: float, hip_stub: bool) -> tuple[Skeleton, Motion]
         below = [child for child, parent in enumerate(parents) if parent == joint]
         tails[joint] = places[below[0]] if below else [0, 0, 0.05]
     skeleton = Skeleton(
-        tuple(names), np.array(parents, np.int32), places, tails, np.array(groups, np.int8), np.ones(len(names), bool), 0
+        tuple(names),
+        np.array(parents, np.int32),
+        places,
+        tails,
+        np.array(groups, np.int8),
+        np.ones(len(names), bool),
+        0,
     )
     rotations = np.tile([0.0, 0, 0, 1], (40, len(names), 1)).astype(np.float32)
     return skeleton, Motion(rotations, np.tile([0.0, 1, 0], (40, 1)).astype(np.float32), 30.0)

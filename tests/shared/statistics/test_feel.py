@@ -11,7 +11,7 @@ from data_schemas.metrics import MetricRow
 from data_schemas.skeleton import Skeleton
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.statistics import feel as feeling
-from stages.shared.statistics.feel import TrueFeet, feel, true_feet
+from stages.shared.statistics.feel import feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines, feel_markdown
 from stages.shared.statistics.measurements import Truth
 from stages.shared.statistics.tables import cells, task_tables
@@ -92,7 +92,9 @@ def test_a_pop_where_windows_meet_stands_out() -> None:
     bends = np.linalg.norm(np.diff(path[0, :, 0], n=2, axis=0), axis=-1)  # of frames 1 to 38
     assert smooth[0] == pytest.approx(bends[[18, 19]].mean() / np.delete(bends, [18, 19]).mean())
     assert found[0] > 5 * smooth[0]
-    none = feel(path, unturned(path), truth_of(path, np.ones(FRAMES, bool)), joints, None, seams=seams)["seam_share"][0]
+    none = feel(path, unturned(path), truth_of(path, np.ones(FRAMES, bool)), joints, None, seams=seams)["seam_share"][
+        0
+    ]
     assert np.isnan(none).all()
 
 
