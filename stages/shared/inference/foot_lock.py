@@ -37,7 +37,7 @@ from stages.shared.solve.smoothing import smooth_corrections
 
 SMOOTH_S, LOOSE = 0.06, 0.005
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
-SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 1.5
+SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
 LOW_SHARE = 0.06  # of the leg: a filled foot is low up to this height above its floor level
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
 NOISE_M, OPEN_RAD = (

@@ -137,13 +137,15 @@ def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
         assert cost(found) < cost(other)
 
 
-@pytest.mark.parametrize("name", ["walk", "crawl", "jump"])
+@pytest.mark.parametrize("name", ["walk", "dance_a", "jump"])
 def test_no_foot_comes_lower_than_in_the_keys(name: str):
     skeleton, _, filled, known = interpolated(name, 15)
     feet = find_feet(skeleton)
-    # Deepest midway between two keys, 15 frames apart, and no step beside them.
+    # Deepest midway between two keys, and no step beside them.
+    keys = np.flatnonzero(known)
+    phase = np.interp(np.arange(filled.frames), keys, np.arange(len(keys)))
     sunk = filled.root_positions.copy()
-    sunk[:, 1] -= np.where(known, 0.0, 0.06 * np.sin(np.pi * (np.arange(filled.frames) % 15) / 15) ** 2)
+    sunk[:, 1] -= 0.05 * np.sin(np.pi * phase) ** 2
     loose = replace(filled, root_positions=sunk)
     locked = locked_motion(skeleton, loose, known)
     for kind in (False, True):
