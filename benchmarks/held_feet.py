@@ -66,10 +66,8 @@ class Case:
         """The window as the networks fill it, before its feet are held."""
         stored = keep / f"{self.name}.npz".replace("/", "_") if keep else None
         if stored and stored.exists():
-            with np.load(stored) as arrays:
-                return Motion(
-                    *(arrays[k] for k in ("rotations", "roots")), MODEL_FPS, arrays["joints"], arrays["tracks"]
-                )
+            with np.load(stored) as kept:
+                return Motion(kept["rotations"], kept["roots"], MODEL_FPS, kept["joints"], kept["tracks"])
         given = without_answers(self.truth, self.known)
         made = fill_motion(self.skeleton, given, self.known, SynthesisedClouds(models)).motion
         if stored:
@@ -111,7 +109,7 @@ def cases(archives: list[str], most: int, folder: Path) -> Iterator[Case]:
         found = find_sources([archive], suffixes_of(AUTO))
         picks = np.unique(np.linspace(0, len(found) - 1, 2 * most).astype(int))
         names += [found[pick].name for pick in picks]
-    ingest(IngestConfig(sources=tuple(names), output=folder, workers=1))
+    ingest(IngestConfig.model_validate({"sources": tuple(names), "output": folder, "workers": 1}))
     with MotionReader(open_artefact(folder, "motion")) as reader:
         motion_of = cache(lambda clip: resample(reader.motion(clip), MODEL_FPS))
         for archive in dict.fromkeys(archive_of(row) for row in reader.clips):
