@@ -27,6 +27,7 @@ def command(
     from data_schemas.metrics import read_metrics
     from stages.shared.statistics.feel_tables import feel_lines
     from stages.shared.statistics.measurements import METRICS
+    from stages.shared.statistics.pop_tables import pop_lines
     from stages.shared.statistics.tables import cells, terminal_lines
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
@@ -34,5 +35,5 @@ def command(
         rows, page = read_metrics(open_artefact(metrics, "metrics"))
         filling = all(row.metric in METRICS for row in rows)
         found = cells(rows) if filling else {}
-        text = (lambda: [*terminal_lines(found), *feel_lines(found)]) if filling else page.splitlines
-        show(manner, text, lambda: [asdict(row) for row in rows])
+        tables = lambda: [*terminal_lines(found), *feel_lines(found), *pop_lines(rows)]  # noqa: E731
+        show(manner, tables if filling else page.splitlines, lambda: [asdict(row) for row in rows])

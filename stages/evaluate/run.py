@@ -31,13 +31,16 @@ from stages.shared.statistics.measurements import (
     TRUTH,
     Measurements,
     Truth,
+    first_frame_of,
     hip_joints,
     measure,
     measure_lafan1,
     measured_joints,
+    metric_named,
     position_deviation,
 )
 from stages.shared.statistics.method_notes import MethodFacts
+from stages.shared.statistics.pop_tables import pop_lines
 from stages.shared.statistics.tables import cells, terminal_lines
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
@@ -45,15 +48,17 @@ from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Wind
 
 @dataclass
 class _Tally:
-    """Values and weights of a clip's windows, per method and metric."""
+    """Values, weights and first frames of a clip's windows, per method and metric."""
 
-    values: dict[tuple[str, str, str], list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
+    values: dict[tuple[str, str, str], list[tuple[float, float, int]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
 
     def add(self, windows: Iterable[Window], method: str, figures: Measurements) -> None:
         for metric, (values, weights) in figures.items():
             for window, value, weight in zip(windows, values, weights, strict=True):
                 if np.isfinite(value):
-                    self.values[window.clip, method, metric].append((float(value), float(weight)))
+                    self.values[window.clip, method, metric].append((float(value), float(weight), window.start))
 
 
 @dataclass
@@ -107,7 +112,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         draft.summary |= _counts(rows, plan) | facts.model_dump() | {"code": code_digest()}
         write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, facts))
     where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
-    lines = [*terminal_lines(found), *feel_lines(found), where]
+    lines = [*terminal_lines(found), *feel_lines(found), *pop_lines(rows), where]
     return StageReport(output=config.output, lines=lines, figures=_counts(rows, plan))
 
 
@@ -155,7 +160,7 @@ def _measure_task(
         feet = true_feet(batch.skeleton, truth.positions) if config.protocol == "pumps" else None
         seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.models.windows])
         if config.protocol == "pumps":
-            tally.add(batch.windows, TRUTH, feel(truth.positions, truth, joints, feet, seams=seams))
+            tally.add(batch.windows, TRUTH, feel(truth.positions, truth.rotations, truth, joints, feet, seams=seams))
         measured = _MeasuredBatch(truth, batch, joints, feet, seams)
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
@@ -177,7 +182,7 @@ class _MeasuredBatch(NamedTuple):
 def _measurements(made: Made, by: _MeasuredBatch, statistics: _Statistics, config: Config) -> Measurements:
     positions, rotations, fell_back = made
     if config.protocol == "pumps":
-        felt = feel(positions, by.truth, by.joints, by.feet, fell_back, by.seams)
+        felt = feel(positions, rotations, by.truth, by.joints, by.feet, fell_back, by.seams)
         return measure(positions, rotations, by.truth, by.joints) | felt
     across = hip_joints(by.batch.skeleton)
     deviation = statistics.of(by.batch, by.joints, across)
@@ -186,23 +191,29 @@ def _measurements(made: Made, by: _MeasuredBatch, statistics: _Statistics, confi
 
 def _rows(reader: MotionReader, archive: str, task: Task, tally: _Tally) -> list[MetricRow]:
     rows = []
-    for (clip, method, metric), pairs in tally.values.items():
-        values, weights = np.array(pairs).T
+    for (clip, method, metric), found in tally.values.items():
+        values, weights, starts = np.array(found).T
         total = weights.sum()
-        rows.append(
-            MetricRow(
-                clip=clip,
-                skeleton=reader.row(clip).skeleton,
-                archive=archive,
-                method=method,
-                task=task.name,
-                interval=task.interval,
-                metric=metric,
-                value=float((values * weights).sum() / total) if total > 0 else float(values.mean()),
-                weight=float(total) if metric in POWER_WEIGHTED else 1.0,
-                windows=len(values),
+        if metric_named(metric).largest:
+            worst = int(values.argmax())
+            figures = {metric: float(values[worst]), first_frame_of(metric): float(starts[worst])}
+        else:
+            figures = {metric: float((values * weights).sum() / total) if total > 0 else float(values.mean())}
+        for name, value in figures.items():
+            rows.append(
+                MetricRow(
+                    clip=clip,
+                    skeleton=reader.row(clip).skeleton,
+                    archive=archive,
+                    method=method,
+                    task=task.name,
+                    interval=task.interval,
+                    metric=name,
+                    value=value,
+                    weight=float(total) if metric in POWER_WEIGHTED else 1.0,
+                    windows=len(values),
+                )
             )
-        )
     return rows
 
 

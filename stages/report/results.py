@@ -10,7 +10,7 @@ from typing import Any
 from data_schemas.damaged_files import reading
 from data_schemas.manifest import MANIFEST_NAME, Artefact
 from data_schemas.metrics import MetricRow, read_metrics
-from stages.shared.statistics import feel_tables, tables
+from stages.shared.statistics import feel_tables, pop_tables, tables
 from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.method_notes import MethodFacts, Sentence, borrowed_note, method_notes
 from stages.shared.statistics.table import Entry, Table
@@ -34,7 +34,7 @@ def results_html(artefact: Artefact) -> str:
         f"<ul>{notes}</ul>" if notes else "",
         _paragraph(borrowed_note(facts)),
         *_overviews(found),
-        *_scopes(found),
+        *_scopes(found, rows),
         f"<details><summary>Settings</summary>{_settings(manifest.config)}</details>",
     ]
     return f'<section id="results"><h2>Results</h2>{"".join(parts)}</section>'
@@ -81,20 +81,23 @@ def _overviews(found: Mapping[Key, Cell]) -> Iterator[str]:
             yield f"<p>{html.escape(caption)}:</p>{table_html(table)}"
 
 
-def _scopes(found: dict[Key, Cell]) -> Iterator[str]:
+def _scopes(found: dict[Key, Cell], rows: list[MetricRow]) -> Iterator[str]:
     """The legends, then for each archive, and for all together last, a part that folds."""
     scopes = tables.scopes_of(found)
     felt = {scope: feel_tables.feel_table(found, scope) for scope in scopes}
+    popped = {scope: pop_tables.pop_table(rows, scope) for scope in scopes}
     yield _paragraph(tables.LEGEND)
     if any(felt.values()):
         yield _paragraph(feel_tables.LEGEND)
+    if any(popped.values()):
+        yield _paragraph(pop_tables.LEGEND)
     for scope in scopes:
         body = "".join(
             f"<h3>{html.escape(section.title)}</h3>{''.join(map(table_html, section.tables))}"
             for section in tables.tables_of_scope(found, scope)
         )
-        table = felt[scope]
-        body += f"<h3>{feel_tables.TITLE}</h3>{table_html(table)}" if table else ""
+        for title, table in ((feel_tables.TITLE, felt[scope]), (pop_tables.TITLE, popped[scope])):
+            body += f"<h3>{title}</h3>{table_html(table)}" if table else ""
         is_open = " open" if scope == scopes[-1] else ""
         yield f"<details{is_open}><summary>{html.escape(scope)}</summary>{body}</details>"
 

@@ -24,6 +24,7 @@ from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import BASELINES, Poses
 from stages.shared.statistics.measurements import (
     facing_turn,
+    first_frame_of,
     hip_joints,
     measured_joints,
     position_deviation,
@@ -102,7 +103,13 @@ def test_the_stage_writes_rows_and_a_summary(motions: Path, tmp_path: Path) -> N
     assert 0 < errors[0] < errors[1] < errors[2]
     assert by_key["one", "interpolation", 15, "l2p_m", "cubic"].value < errors[1]
     assert {r.method for r in rows if r.task == "prediction"} == {"zero-velocity", "constant-velocity", "truth"}
-    assert {r.metric for r in rows if r.method == "truth"} == {"key_jump_mps", "jerk_mps3"}  # it flies
+    largest = {"largest_turn_deg", "largest_acceleration_mps2", "crossing_frames"}
+    own = {"key_jump_mps", "jerk_mps3", "twist_share", "jolt_share", *largest, *map(first_frame_of, largest)}
+    assert {r.metric for r in rows if r.method == "truth"} == own  # it flies: nothing of standing feet
+    worst = by_key["one", "interpolation", 15, "largest_turn_deg", "slerp"]
+    start = by_key["one", "interpolation", 15, first_frame_of("largest_turn_deg"), "slerp"].value
+    assert worst.value > 0 and 0 <= start == int(start)
+    assert "### Pops" in summary and f"{worst.value:.1f} one {start:.0f}" in summary
     assert all(r.weight == 1 for r in rows if r.metric != "npss")
     assert "pumps evaluate --motion" in summary and "--max-windows 4" in summary and "windows of 3 clips" in summary
     assert report.figures["windows"]["set-1, interpolation 15"] == 4

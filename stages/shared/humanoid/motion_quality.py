@@ -12,8 +12,14 @@ from data_schemas.errors import InputError
 from data_schemas.quality import MotionQuality
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.bone_matching import ARMS, LEGS, bones_of
-from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, floor_levels, foot_skate_mps
-from stages.shared.kinematics.playback_speed import SUSPECT, log_speed
+from stages.shared.kinematics.foot_contacts import (
+    detect_contacts,
+    find_feet,
+    floor_levels,
+    foot_skate_mps,
+    limb_joints,
+)
+from stages.shared.kinematics.playback_speed import rate_is_suspect, speed_features, speed_of
 
 STILL_MPS = 0.01  # a body is still if no joint moves faster
 HUMAN_RAD_PER_S = 45.0  # faster than a pitcher's forearm, without the turn of the body
@@ -34,7 +40,7 @@ def measure_quality(
     """
     body = np.flatnonzero((skeleton.groups >= 0) & skeleton.sampled)
     turned = _turns(motion.rotations[:, body])
-    speed = log_speed(skeleton, positions, motion.fps)
+    features = speed_features(skeleton, positions, motion.fps)
     still = _still(positions[:, body], motion.fps)
     skate, penetration = _feet(skeleton, positions, motion.fps)
     return MotionQuality(
@@ -45,8 +51,8 @@ def measure_quality(
         flips=int((turned > FLIP_RAD).any(axis=1).sum()),
         foot_skate=skate,
         floor_penetration=penetration,
-        speed_log2=speed,
-        wrong_rate=speed is not None and abs(speed) > SUSPECT,
+        speed_log2=None if features is None else speed_of(features),
+        wrong_rate=features is not None and rate_is_suspect(features),
         swapped=_swapped(skeleton, positions, motion.rotations),
         repaired_frames=repaired_frames,
     )
@@ -121,20 +127,28 @@ def _swapped(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray) -
     """
     try:
         legs = [bones_of(skeleton, leg) for leg in LEGS]
+        joints = limb_joints(skeleton, find_feet(skeleton))
         chest = bones_of(skeleton, 0)[-1]
     except InputError:
         return False
     some = np.unique(np.linspace(0, len(positions) - 1, FACING_FRAMES).astype(int))
     places = positions[some].astype(np.float64)
-    hips = [places[:, leg[0]] for leg in legs]
+    hips = [places[:, hip] for hip, _, _ in joints]
     forward = _unit(np.cross(hips[0] - hips[1], places[:, chest] - (hips[0] + hips[1]) / 2))  # left x up
     votes = 0.0
-    for leg in legs:
-        ankle = places[:, leg[-1]]
-        toes = Rotation.from_quat(rotations[some, leg[-1]]).apply(skeleton.tails[leg[-1]])
-        bend = places[:, list(leg[1:-1])].mean(axis=1) - (places[:, leg[0]] + ankle) / 2 if len(leg) > 2 else 0.0
-        votes += float(((toes + bend) * forward).sum(-1).mean())
+    for leg, (hip, knee, ankle) in zip(legs, joints, strict=True):
+        last = leg[-1]
+        toes = (
+            places[:, last] - places[:, ankle] + Rotation.from_quat(rotations[some, last]).apply(skeleton.tails[last])
+        )
+        votes += float(((toes + _bend(*(places[:, joint] for joint in (hip, knee, ankle)))) * forward).sum(-1).mean())
     return votes < 0
+
+
+def _bend(hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray) -> np.ndarray:
+    """(F, 3) from the line between hip and ankle to the knee, all (F, 3)."""
+    along = _unit(ankle - hip)
+    return (knee - hip) - ((knee - hip) * along).sum(-1, keepdims=True) * along
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

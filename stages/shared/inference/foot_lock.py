@@ -3,12 +3,16 @@
 While a contact joint stands (`stages.shared.kinematics.foot_contacts`), its foot is shifted as a whole to one place:
 through the keys' own places where keys are among the frames, else to the mean. The shift comes and goes smoothly, is
 nothing at every key; and no foot comes lower than the lowest does in the known frames. The leg's joints above the
-foot are solved for it; the foot keeps its direction, the pelvis its place. Hips and knees turn about the axes about
-which they turn in the keys, so that no knee flips.
+foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its direction, the pelvis its
+place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
+
+A held foot must not cost a pop. Where a leg would turn faster or accelerate more than both legs of the filled motion
+do in the same gap, and more than a calm motion does, its shift is made smaller until it does not (`_eased`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -18,26 +22,46 @@ from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from stages.shared.kinematics.foot_contacts import (
-    HEIGHT_SHARE,
     SPEED_SHARE,
     Feet,
     contact_speeds,
     detect_contacts,
     find_feet,
     floor_levels,
+    limb_joints,
 )
-from stages.shared.solve.binding import Binding
 from stages.shared.solve.key_prior import turn_prior
+from stages.shared.solve.limb_solve import Limb, solve_limb
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.smoothing import smooth_corrections
-from stages.shared.solve.solving import SolveOptions, solve_pose
 
 SMOOTH_S, LOOSE = 0.06, 0.005
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
-SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 1.5
+SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
+LOW_SHARE = 0.06  # of the leg: a filled foot is low up to this height above its floor level
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
-LEG = SolveOptions(point_noise_m=0.005, huber_m=1.0, turn_prior_rad=0.5, shift_prior_m=1e-4, iterations=12)
-STILL_RAD = 1e-4
+NOISE_M, OPEN_RAD = (
+    0.004,
+    0.5,
+)  # how nearly a foot's place is met; a turn of a leg's joint where the keys tell nothing
+# A leg may turn and accelerate so much, whatever the filled motion does: degrees a second, metres a second squared.
+CALM_DEG_PER_S, CALM_MPS2 = 300.0, 25.0
+MORE = 1.25  # both limits, times this, are not too much
+FLOOR_ROUNDS = 3
+LET_GO, ROUNDS, NEAR_S = 0.6, 8, 0.2  # what is left of a stand's shift in each round, near what is too much
+
+
+@dataclass(frozen=True)
+class _Leg:
+    """A leg over all T frames, and what it does by itself.
+
+    joints: (n,) from the hip to the joint above the ankle, index into the skeleton.
+    prior:  (n, 3, 3) of their turns.
+    """
+
+    joints: list[int]
+    limb: Limb
+    prior: np.ndarray
 
 
 def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:
@@ -52,11 +76,12 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     places = pose.heads.numpy()
     contacts = standing_feet(places, feet, fps, known)
     gaps = np.flatnonzero(~known)
-    shifts = _foot_shifts(places, contacts, feet, known, fps)
-    if len(gaps) == 0 or not np.any(shifts):
+    wanted = _wanted_shifts(places, contacts, feet, known)
+    if len(gaps) == 0 or not any(leg.held.any() or leg.heights.min() < leg.floors.min() for leg in wanted):
         return pose
-    keys = pose.rows(np.flatnonzero(known))
-    return pose.with_rows(gaps, _with_feet_moved(pose.rows(gaps).by_local(), keys, feet, shifts[gaps]))
+    legs = _legs_of(pose, feet, known)
+    turns = _eased(legs, wanted, known, fps)
+    return pose.with_rows(gaps, _with_legs_turned(pose.by_local(), legs, turns, feet).rows(gaps))
 
 
 def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
@@ -73,8 +98,8 @@ def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarr
     speeds = contact_speeds(positions, feet, fps)
     fastest = maximum_filter1d(speeds, 2 * round(FASTEST_WITHIN_S * fps) + 1, axis=0)
     slow = np.clip(SLOW_SHARE * fastest, SPEED_SHARE * feet.leg_m, SLOW_AT_MOST * feet.leg_m)
-    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow)
-    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
+    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow, low_share=LOW_SHARE)
+    low = positions[:, feet.joints, 1] - levels <= LOW_SHARE * feet.leg_m
     keys = np.flatnonzero(known)
     for first, last in pairwise(keys):
         if last - first < 2:
@@ -89,36 +114,47 @@ def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarr
     return contacts
 
 
-def _foot_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray, fps: float) -> np.ndarray:
-    """(T, 2, 3) how far each leg's foot is to be moved, metres, in the order of `LEGS`."""
-    legs = np.unique(feet.groups)
-    shifts = np.zeros((len(places), len(legs), 3))
-    for leg, group in enumerate(legs):
+@dataclass(frozen=True)
+class _Wanted:
+    """What is wanted of one leg's foot over T frames.
+
+    shifts:  (T, 3) metres, in the frames in which it is held, elsewhere 0.
+    held:    (T,) bool.
+    heights: (T, M) of its contact joints, metres.
+    floors:  (M,) the lowest that a contact joint of each kind comes in a known frame.
+    """
+
+    shifts: np.ndarray
+    held: np.ndarray
+    heights: np.ndarray
+    floors: np.ndarray
+
+    def path(self, trust: np.ndarray, floor_trust: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
+        """(T, 3) shifts that come and go smoothly: of stands and out of the floor, each times its trust (T,)."""
+        path = _smooth(trust[:, None] * self.shifts, self.held, known, fps)
+        wanted = np.zeros((len(known), 1))
+        lift = wanted
+        for _ in range(FLOOR_ROUNDS):  # what the smoothing leaves below the floor is asked for again
+            sunk = (self.floors - (self.heights + path[:, 1:2] + lift)).max(1, keepdims=True)
+            wanted = wanted + np.where(known[:, None], 0.0, np.maximum(sunk, 0.0))
+            lift = _smooth(wanted, wanted[:, 0] > 0, known, fps)
+        path[:, 1:2] += _smooth(floor_trust[:, None] * wanted, wanted[:, 0] > 0, known, fps)
+        return path
+
+
+def _wanted_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray) -> list[_Wanted]:
+    """What is wanted of each leg's foot, in the order of `LEGS`."""
+    found = []
+    heights = places[:, feet.joints, 1]
+    lowest = [heights[known][:, feet.is_end == end].min() for end in feet.is_end]
+    for group in dict.fromkeys(feet.groups):
         members = np.flatnonzero(feet.groups == group)
-        wanted = np.zeros((len(places), len(members), 3))
-        for column, member in enumerate(members):
-            wanted[:, column] = _held(places[:, feet.joints[member]], contacts[:, member], known)
+        wanted = np.stack([_held(places[:, feet.joints[m]], contacts[:, m], known) for m in members], axis=1)
         held = contacts[:, members]
         count = held.sum(1, keepdims=True)
         own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
-        shifts[:, leg] = _smooth(own, np.asarray(held.any(1)), known, fps)
-        shifts[:, leg, 1] += _sunk(places[:, feet.joints, 1], shifts[:, leg, 1], members, feet, known)
-    return shifts
-
-
-def _sunk(heights: np.ndarray, raised: np.ndarray, members: np.ndarray, feet: Feet, known: np.ndarray) -> np.ndarray:
-    """(T,) how far a leg's foot, raised so far (T,), lies below the floor in the frames that are not known.
-
-    Args:
-        heights: (T, F) of all contact joints; the floor is the lowest that one of its kind comes in a known frame.
-        members: the leg's contact joints.
-    """
-    deepest = np.zeros(len(heights))
-    for member in members:
-        alike = feet.is_end == feet.is_end[member]
-        floor = heights[known][:, alike].min()
-        deepest = np.maximum(deepest, floor - (heights[:, member] + raised))
-    return np.where(known, 0.0, deepest)
+        found.append(_Wanted(own, np.asarray(held.any(1)), heights[:, members], np.array(lowest)[members]))
+    return found
 
 
 def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -152,22 +188,98 @@ def _runs(flags: np.ndarray) -> list[np.ndarray]:
     return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
 
 
-def _with_feet_moved(pose: SkeletonPose, keys: SkeletonPose, feet: Feet, shifts: np.ndarray) -> SkeletonPose:
-    """The pose with the legs turned so that the feet come where they are wanted, the feet's directions kept."""
+def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> list[_Leg]:
     skeleton = pose.skeleton
-    heads, rotations = pose.world()
-    tops = [next(j for j in chain if j in feet.joints) for chain in feet.chains]
-    count = len(tops)
-    binding = Binding(torch.tensor(tops), torch.zeros(count, 3), torch.ones(count), torch.zeros(count))
-    targets = heads[:, tops] + torch.as_tensor(shifts, dtype=heads.dtype)
-    prior = turn_prior(keys.local, LEG.turn_prior_rad)
-    prior[skeleton.root] = torch.eye(3) * STILL_RAD**-2
-    found = solve_pose(targets, binding, *pose.parts, skeleton.parents, skeleton.root, LEG, prior)
-    active = torch.as_tensor(np.abs(shifts).sum((1, 2)) > 0)
-    turns = torch.where(active[:, None, None], found.turns, torch.zeros_like(found.turns))
-    turns[:, skeleton.root] = 0
-    moved = pose.corrected(turns, torch.zeros_like(found.shifts))
-    return moved.with_local(_with_feet_kept(moved, rotations, tops), moved.roots, moved.offsets)
+    prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().numpy()
+    local, rotations, heads = (part.double().numpy() for part in (pose.local, pose.rotations, pose.heads))
+    offsets = pose.offsets.expand(len(pose), -1, 3).double().numpy()
+    legs = []
+    for chain, (_, _, ankle) in zip(feet.chains, limb_joints(skeleton, feet), strict=True):
+        below = list(chain[: chain.index(ankle) + 1])
+        joints = below[:-1]
+        above = rotations[:, int(skeleton.parents[joints[0]])]
+        limb = Limb(local[:, joints], above, heads[:, joints[0]], offsets[:, below[1:]])
+        legs.append(_Leg(joints, limb, prior[joints]))
+    return legs
+
+
+def _eased(legs: list[_Leg], wanted: list[_Wanted], known: np.ndarray, fps: float) -> list[np.ndarray]:
+    """Turns (T, n, 3) of each leg that hold its foot as far as the leg stays calm.
+
+    A stand near which a leg turns or accelerates too much keeps `LET_GO` of its shift, after `ROUNDS` rounds nothing.
+    """
+    still = [np.zeros(leg.limb.offsets.shape) for leg in legs]
+    loose = [_motion_of(leg, turns, fps) for leg, turns in zip(legs, still, strict=True)]
+    limits = _limits(np.max(loose, axis=0), known, fps)
+    return [_eased_leg(leg, want, limits, known, fps) for leg, want in zip(legs, wanted, strict=True)]
+
+
+def _eased_leg(leg: _Leg, wanted: _Wanted, limits: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
+    runs = _runs(wanted.held)
+    trusts, floor_trust = np.ones(len(runs)), np.ones(len(known))
+    gaps = _runs(~known)
+    while trusts.any() or floor_trust[~known].any():
+        trust = np.zeros(len(known))
+        for run, kept in zip(runs, trusts, strict=True):
+            trust[run] = kept
+        shifts = wanted.path(trust, floor_trust, known, fps)
+        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=SMOOTH_S * fps)
+        over = np.flatnonzero((_motion_of(leg, turns, fps) > limits).any(0))
+        if not len(over):
+            return turns
+        near = np.array([np.abs(run[:, None] - over).min() <= NEAR_S * fps for run in runs], bool)
+        if (trusts[near] > 0).any():
+            trusts[near] = _less(trusts[near])
+            continue
+        # No stand is left there: the floor is let go, and after that, far stands.
+        touched = [gap for gap in gaps if ((over >= gap[0] - 1) & (over <= gap[-1] + 1)).any()]
+        touched = [gap for gap in touched if floor_trust[gap].any()]
+        for gap in touched:
+            floor_trust[gap] = _less(floor_trust[gap])
+        if not touched:
+            trusts = _less(trusts)
+            floor_trust = floor_trust if trusts.any() else _less(floor_trust)
+    return np.zeros(leg.limb.offsets.shape)
+
+
+def _less(trusts: np.ndarray) -> np.ndarray:
+    """Trusts after one more round."""
+    return np.where(trusts * LET_GO > LET_GO**ROUNDS, trusts * LET_GO, 0.0)
+
+
+def _motion_of(leg: _Leg, turns: np.ndarray, fps: float) -> np.ndarray:
+    """(2, T) how fast the leg turns, degrees a second, and how much it accelerates, metres a second squared.
+
+    Of the joint that does so most; the faster of the turns from and to a frame. The hip, which stays, is left out.
+    """
+    rotations, places, end = leg.limb.turned(turns)
+    cosines = np.abs((rotations[1:] * rotations[:-1]).sum(-1))
+    speeds = fps * np.degrees(2 * np.arccos(np.clip(cosines, 0, 1))).max(-1)
+    out = np.zeros((2, len(turns)))
+    out[0, 1:], out[0, :-1] = speeds, np.maximum(out[0, :-1], speeds)
+    moving = np.concatenate([places[:, 1:], end[:, None]], axis=1)
+    out[1, 1:-1] = fps**2 * np.linalg.norm(np.diff(moving, n=2, axis=0), axis=-1).max(-1)
+    return out
+
+
+def _limits(loose: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
+    """(2, T) how much is not too much: the most that the legs do by themselves in a gap and at its keys, or what is
+    calm. Of (2, T) `loose` as `_motion_of` gives it."""
+    limits = np.maximum(loose, np.array([[CALM_DEG_PER_S], [CALM_MPS2]]))
+    for gap in _runs(~known):
+        around = slice(max(gap[0] - 1, 0), gap[-1] + 2)
+        limits[:, around] = np.maximum(limits[:, around], loose[:, around].max(1, keepdims=True))
+    return limits * MORE
+
+
+def _with_legs_turned(pose: SkeletonPose, legs: list[_Leg], turns: list[np.ndarray], feet: Feet) -> SkeletonPose:
+    """The pose with the legs' joints turned and the feet's directions in the world kept."""
+    added = torch.zeros(len(pose), len(pose.skeleton.parents), 3)
+    for leg, turn in zip(legs, turns, strict=True):
+        added[:, leg.joints] = torch.as_tensor(turn, dtype=torch.float32)
+    moved = pose.corrected(added, torch.zeros(len(pose), 3))
+    tops = limb_joints(pose.skeleton, feet)[:, 2].tolist()
+    return moved.with_local(_with_feet_kept(moved, pose.rotations, tops), moved.roots, moved.offsets)
 
 
 def _with_feet_kept(pose: SkeletonPose, rotations: Tensor, tops: list[int]) -> Tensor:

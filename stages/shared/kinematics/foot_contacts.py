@@ -34,6 +34,8 @@ LEVEL_PERCENTILE = 5.0
 LEAST_S = 0.1
 FOOT_SHARE = (0.05, 0.35)  # of the leg's length, what a foot bone may measure
 
+LEAST_SHARE = 1e-3  # of the leg's length: a shorter bone has no length
+
 
 @dataclass(frozen=True)
 class Feet:
@@ -75,6 +77,24 @@ def find_feet(skeleton: Skeleton) -> Feet:
 def has_feet(skeleton: Skeleton) -> bool:
     """Whether `find_feet` finds any."""
     return all(_leg_chain(skeleton, group) for group in LEGS)
+
+
+def limb_joints(skeleton: Skeleton, feet: Feet) -> np.ndarray:
+    """(2, 3) hip, knee and ankle of each leg, in the order of `LEGS`, index into the skeleton.
+
+    The ankle is the leg's first contact joint. The knee is the joint above it that parts the leg most evenly, so that
+    a hip of several joints, or a twist joint, is none. A leg with no joint between hip and ankle has its hip twice.
+    """
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    found = np.empty((len(feet.chains), 3), np.int64)
+    for leg, chain in enumerate(feet.chains):
+        ankle = next(place for place, joint in enumerate(chain) if joint in feet.joints)
+        down = np.concatenate([[0.0], np.cumsum(lengths[list(chain[1 : ankle + 1])])])
+        inner = range(1, ankle)
+        knee = max(inner, key=lambda place, down=down: min(down[place], down[-1] - down[place]), default=0)
+        hip = 1 if lengths[chain[0]] < LEAST_SHARE * down[-1] and knee > 1 else 0
+        found[leg] = chain[hip], chain[knee], chain[ankle]
+    return found
 
 
 def _leg_chain(skeleton: Skeleton, group: int) -> tuple[int, ...]:
@@ -126,6 +146,7 @@ def detect_contacts(
     known: np.ndarray | None = None,
     levels: np.ndarray | None = None,
     slow_mps: np.ndarray | None = None,
+    low_share: float = HEIGHT_SHARE,
 ) -> np.ndarray:
     """Which contact joints stand in which frames, (T, F) bool, by the definition above.
 
@@ -134,10 +155,11 @@ def detect_contacts(
         known: (T,) bool, the frames that the floor's level is taken from; None for all.
         levels: (F,) the floor's levels, where they are known already.
         slow_mps: (T, F) the speed up to which a joint is slow, where it is not `SPEED_SHARE` legs a second.
+        low_share: of the leg, the height up to which a joint is low.
     """
     levels = floor_levels(positions, feet, known) if levels is None else levels
     slow_mps = np.array(SPEED_SHARE * feet.leg_m) if slow_mps is None else slow_mps
-    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
+    low = positions[:, feet.joints, 1] - levels <= low_share * feet.leg_m
     slow = contact_speeds(positions, feet, fps) <= slow_mps
     least = max(round(LEAST_S * fps), 1)
     filled = ~_long_runs(~(low & slow), least)

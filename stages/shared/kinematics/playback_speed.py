@@ -5,6 +5,9 @@ several ways at once: speeds, the ratio of acceleration to speed, how hard the p
 features, all logarithms and without unit, go into a quadratic regression of log2 of the playback speed, fitted on
 recordings played at half, their own and twice their speed (docs/log.md, 2026-11-28); docs/formats.md says how often
 it is right. It is a hint and no proof: slow styles exist, and so do fast ones.
+
+A body that stays in its place says nothing: a bow may take one second or three, a hand may wave once or four times a
+second. Only a body that carries itself along is timed by gravity, so that only its speed makes a rate suspicious.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ LOW_PASS_HZ = 12.0
 LEAST_S = 1.0
 LONGEST_S = 40.0  # more of a clip adds nothing
 SUSPECT = 0.6  # |log2 of the speed| from which a frame rate is suspected
+TRAVEL_FLOOR = 0.05  # leg lengths a second, added to the travel under its logarithm
+LEAST_TRAVEL = 0.2  # leg lengths that the pelvis travels in a second, below which the rate is not judged
 
 # The regression's weights: of the features, of their squares, and the constant. Fitting: docs/log.md, 2026-11-28.
 WEIGHTS = np.array(
@@ -41,7 +46,17 @@ def log_speed(skeleton: Skeleton, positions: np.ndarray, fps: float) -> float | 
     Returns: None for a clip shorter than a second, one that stands still, or a figure without legs.
     """
     features = speed_features(skeleton, positions, fps)
-    return None if features is None else float(design(features[None])[0] @ WEIGHTS)
+    return None if features is None else speed_of(features)
+
+
+def speed_of(features: np.ndarray) -> float:
+    """`log_speed` of the features (6,) of a clip."""
+    return float(design(features[None])[0] @ WEIGHTS)
+
+
+def rate_is_suspect(features: np.ndarray) -> bool:
+    """Whether a clip with the features (6,) travels, and seems to be played at another speed than its own."""
+    return bool(features[-1] > np.log(LEAST_TRAVEL + TRAVEL_FLOOR) and abs(speed_of(features)) > SUSPECT)
 
 
 def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.ndarray | None:
@@ -72,7 +87,7 @@ def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.
             np.log(np.median(pushes / (speeds + 1e-9)) + 1e-6),
             np.log(max(np.percentile(-thrown, 99), 0.0) + 0.02),
             np.log(np.std(thrown) + 0.02),
-            np.log(travel + 0.05),
+            np.log(travel + TRAVEL_FLOOR),
         ]
     )
 

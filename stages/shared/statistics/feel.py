@@ -14,7 +14,16 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
 from stages.shared.kinematics.conventions import MODEL_FPS
-from stages.shared.kinematics.foot_contacts import Feet, detect_contacts, find_feet
+from stages.shared.kinematics.foot_contacts import Feet, detect_contacts, find_feet, limb_joints
+from stages.shared.statistics.feel_pops import (
+    SHIN_RADIUS_SHARE,
+    crossing_frames,
+    floating_mm,
+    jolts,
+    largest_acceleration_mps2,
+    largest_turn_deg,
+    twists,
+)
 from stages.shared.statistics.measurements import Measurements, Truth, keys_beside_gaps
 
 MILLIMETRES = 1000.0
@@ -27,11 +36,15 @@ class TrueFeet:
     joints:   (F,) the contact joints, index into the skeleton.
     contacts: (B, T, F) bool, True while a joint stands (`stages.shared.kinematics.foot_contacts`).
     floors:   (B, F) metres: the lowest that a contact joint of its kind, toes or ankles, comes in the true window.
+    shins:    (2, 2) knee and ankle of the left and the right leg, index into the skeleton.
+    leg_m:    length of a leg, metres.
     """
 
     joints: np.ndarray
     contacts: np.ndarray
     floors: np.ndarray
+    shins: np.ndarray
+    leg_m: float
 
 
 def true_feet(skeleton: Skeleton, positions: np.ndarray) -> TrueFeet | None:
@@ -41,11 +54,13 @@ def true_feet(skeleton: Skeleton, positions: np.ndarray) -> TrueFeet | None:
     except InputError:
         return None
     contacts = np.stack([detect_contacts(window, feet, MODEL_FPS) for window in positions])
-    return TrueFeet(feet.joints, contacts, _floors(positions, feet))
+    shins = limb_joints(skeleton, feet)[:, 1:]
+    return TrueFeet(feet.joints, contacts, _floors(positions, feet), shins, feet.leg_m)
 
 
 def feel(
     positions: np.ndarray,
+    rotations: np.ndarray,
     truth: Truth,
     joints: np.ndarray,
     feet: TrueFeet | None,
@@ -56,6 +71,7 @@ def feel(
 
     Args:
         positions: (B, T, J, 3) metres, of a method or of the truth itself, at 30 frames a second.
+        rotations: (B, T, J, 4) global quaternions, xyzw.
         joints: those that count.
         fell_back: (B, T, J) bool, True where a model left the plain interpolation as it is.
         seams: (K,) frames at which models' windows meet.
@@ -64,15 +80,34 @@ def feel(
     found = {
         "key_jump_mps": key_jump_mps(positions[:, :, joints], keys_beside_gaps(truth.known)),
         "jerk_mps3": jerk_mps3(positions[:, :, joints], missing),
+        **_pops(positions[:, :, joints], rotations[:, :, joints], truth, joints),
     }
     if seams is not None and len(seams):
         found["seam_share"] = seam_share(positions[:, :, joints], missing, seams)
     if feet is not None:
         found["foot_skate_mps"] = foot_skate_mps(positions[:, :, feet.joints], feet.contacts, missing)
         found["floor_penetration_mm"] = floor_penetration_mm(positions[:, :, feet.joints], feet, missing)
+        heights = positions[:, :, feet.joints, 1]
+        found["floating_mm"] = floating_mm(heights, feet.floors, feet.contacts, missing)
+        radius = SHIN_RADIUS_SHARE * feet.leg_m
+        found["crossing_frames"] = crossing_frames(positions[:, :, feet.shins], missing, radius)
     if fell_back is not None:
         found["fell_back_share"] = fell_back[:, missing][:, :, joints].mean(axis=(1, 2))
     return {name: (values, np.ones(len(values))) for name, values in found.items()}
+
+
+def _pops(positions: np.ndarray, rotations: np.ndarray, truth: Truth, joints: np.ndarray) -> dict[str, np.ndarray]:
+    """Largest turn and acceleration of the joints that count, and whether they are a twist or a jolt."""
+    missing = ~truth.known
+    turns, true_turns = (largest_turn_deg(each, missing) for each in (rotations, truth.rotations[:, :, joints]))
+    places = (positions, truth.positions[:, :, joints])
+    accelerations, true_accelerations = (largest_acceleration_mps2(each, missing) for each in places)
+    return {
+        "largest_turn_deg": turns,
+        "largest_acceleration_mps2": accelerations,
+        "twist_share": twists(turns, true_turns),
+        "jolt_share": jolts(accelerations, true_accelerations),
+    }
 
 
 def key_jump_mps(positions: np.ndarray, keys: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ class Metric:
     headline: gets intervals in the summary.
     feel: a property of one motion, the truth's too, in a table of its own (`feel_tables`).
     beside_truth: its ratio is to the truth's figure, not to the plain baseline's.
+    largest: a clip's value is the largest of its windows, and another row names that window (`first_frame_of`).
     """
 
     label: str
@@ -29,6 +30,7 @@ class Metric:
     headline: bool = False
     feel: bool = False
     beside_truth: bool = False
+    largest: bool = False
 
 
 METRICS: dict[str, Metric] = {
@@ -50,6 +52,24 @@ METRICS: dict[str, Metric] = {
     "floor_penetration_mm": Metric("Below the floor", "mm", feel=True),
     "jerk_mps3": Metric("Jerk", "m/s³", feel=True, beside_truth=True),
     "fell_back_share": Metric("Fell back", "", feel=True),
+    "twist_share": Metric("Windows that twist", "", feel=True),
+    "jolt_share": Metric("Windows that jolt", "", feel=True),
+    "largest_turn_deg": Metric("Largest turn a frame", "degrees", feel=True, largest=True),
+    "largest_acceleration_mps2": Metric("Largest acceleration", "m/s²", feel=True, largest=True),
+    "crossing_frames": Metric("Shins crossed", "frames", feel=True, largest=True),
+    "floating_mm": Metric("Feet above the floor", "mm", feel=True, largest=True),
+}
+
+
+def first_frame_of(metric: str) -> str:
+    """The metric whose value is the first frame, at 30 frames a second, of a clip's window with the largest value."""
+    return f"{metric}_first_frame"
+
+
+METRICS |= {
+    first_frame_of(name): Metric(f"{metric.label}, its window's first frame", "", feel=True)
+    for name, metric in list(METRICS.items())
+    if metric.largest
 }
 
 

@@ -116,7 +116,10 @@ WRONG = {
     "empty": (b"\n\n", "has no rows"),
     "binary": (b"\0\1\2" * 9, "is not plain text"),
     "header-only": (csv_of(some_rows(0), ",".join([*ROOT_COLUMNS, *ANGLES])), "has no rows"),
-    "strange-name": (csv_of(some_rows(), ",".join([*ROOT_COLUMNS, *ANGLES[:-1], "tail"])), "'tail' is neither a joint"),
+    "strange-name": (
+        csv_of(some_rows(), ",".join([*ROOT_COLUMNS, *ANGLES[:-1], "tail"])),
+        "'tail' is neither a joint",
+    ),
     "twice": (csv_of(some_rows(), ",".join([*ROOT_COLUMNS, *ANGLES[:-1], ANGLES[0]])), "stands twice"),
     "missing": (csv_of(some_rows()[:, :-2], ",".join([*ROOT_COLUMNS, *ANGLES[:-2]])), "no column for"),
 }

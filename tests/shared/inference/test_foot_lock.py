@@ -15,11 +15,21 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.inference.filled import skates
-from stages.shared.inference.foot_lock import LOOSE, SMOOTH_S, _smooth, lock_feet, standing_feet
+from stages.shared.inference.foot_lock import (
+    CALM_DEG_PER_S,
+    CALM_MPS2,
+    LOOSE,
+    MORE,
+    SMOOTH_S,
+    _smooth,
+    lock_feet,
+    standing_feet,
+)
 from stages.shared.kinematics.foot_contacts import find_feet
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.plain_interpolation import damped_smoothness
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion, replace_rows
+from stages.shared.statistics.feel_pops import largest_acceleration_mps2, largest_turn_deg
 from tests.shared.inference.test_filling import keys_every
 
 CLIPS = Path(__file__).resolve().parents[3] / "stages" / "shared" / "clips"
@@ -50,7 +60,7 @@ def test_feet_slide_less_and_keys_stay(name: str, step: int):
     locked = locked_motion(skeleton, filled, known)
     loose, held = (SkeletonPose.of_motion(skeleton, motion) for motion in (filled, locked))
     before, after = skates(loose, known, filled.fps, loose, held)
-    assert after < 0.7 * before
+    assert after < 0.75 * before
     for field in ("rotations", "root_positions", "tracks"):
         ours, theirs = getattr(locked, field), getattr(filled, field)
         assert ours[known].tobytes() == theirs[known].tobytes()
@@ -137,12 +147,15 @@ def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
         assert cost(found) < cost(other)
 
 
-@pytest.mark.parametrize("name", ["walk", "crawl", "jump"])
+@pytest.mark.parametrize("name", ["walk", "dance_a", "jump"])
 def test_no_foot_comes_lower_than_in_the_keys(name: str):
     skeleton, _, filled, known = interpolated(name, 15)
     feet = find_feet(skeleton)
+    # Deepest midway between two keys, and no step beside them.
+    keys = np.flatnonzero(known)
+    phase = np.interp(np.arange(filled.frames), keys, np.arange(len(keys)))
     sunk = filled.root_positions.copy()
-    sunk[~known, 1] -= 0.05
+    sunk[:, 1] -= 0.05 * np.sin(np.pi * phase) ** 2
     loose = replace(filled, root_positions=sunk)
     locked = locked_motion(skeleton, loose, known)
     for kind in (False, True):
@@ -153,3 +166,20 @@ def test_no_foot_comes_lower_than_in_the_keys(name: str):
             assert before.min() < floor - 0.03
             assert heights.min() > floor - 0.01  # what the solve leaves
     assert (locked.rotations[known] == filled.rotations[known]).all()
+
+
+@pytest.mark.parametrize("name", ["walk", "dance_a", "punch"])
+def test_a_foot_that_the_leg_cannot_hold_is_let_go_without_a_pop(name: str):
+    """The pelvis rises out of reach between keys 30 frames apart, and sways, while the feet stand."""
+    skeleton, _, filled, known = interpolated(name, 30)
+    keys = np.flatnonzero(known)
+    phase = np.interp(np.arange(filled.frames), keys, np.arange(len(keys)))
+    roots = filled.root_positions.copy()
+    roots += (np.sin(np.pi * phase) ** 2)[:, None] * np.array([0.1, 0.12, 0.1], np.float32)
+    loose = replace(filled, root_positions=roots)
+    held = locked_motion(skeleton, loose, known)
+    assert np.abs(held.rotations - loose.rotations).max() > 0.01  # something is held
+    turns = [largest_turn_deg(motion.rotations[None], ~known)[0] * filled.fps for motion in (loose, held)]
+    assert turns[1] <= MORE * max(turns[0], CALM_DEG_PER_S) + 1
+    pushes = [largest_acceleration_mps2(positions_of(skeleton, m)[None], ~known)[0] for m in (loose, held)]
+    assert pushes[1] <= MORE * max(pushes[0], CALM_MPS2) + 1

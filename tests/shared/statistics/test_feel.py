@@ -11,7 +11,7 @@ from data_schemas.metrics import MetricRow
 from data_schemas.skeleton import Skeleton
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.statistics import feel as feeling
-from stages.shared.statistics.feel import TrueFeet, feel, true_feet
+from stages.shared.statistics.feel import feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines, feel_markdown
 from stages.shared.statistics.measurements import Truth
 from stages.shared.statistics.tables import cells, task_tables
@@ -43,7 +43,11 @@ def standing() -> np.ndarray:
 
 
 def truth_of(positions: np.ndarray, known: np.ndarray) -> Truth:
-    return Truth(positions, np.zeros((*positions.shape[:-1], 4)), known, 0)
+    return Truth(positions, unturned(positions), known, 0)
+
+
+def unturned(positions: np.ndarray) -> np.ndarray:
+    return np.broadcast_to([0.0, 0, 0, 1], (*positions.shape[:-1], 4))
 
 
 def every(step: int) -> np.ndarray:
@@ -56,7 +60,7 @@ def test_key_jumps_and_jerk_are_those_of_plain_loops() -> None:
     rng = np.random.default_rng(0)
     positions, known = rng.normal(size=(2, FRAMES, 9, 3)), every(7)
     joints = np.array([0, 3, 8])
-    found = feel(positions, truth_of(positions, known), joints, None)
+    found = feel(positions, unturned(positions), truth_of(positions, known), joints, None)
     for window in range(2):
         jumps, jerks = [], []
         for t in range(1, FRAMES - 1):
@@ -72,7 +76,8 @@ def test_key_jumps_and_jerk_are_those_of_plain_loops() -> None:
                     jerks.append(np.sqrt((((d - c) - 2 * (c - b) + (b - a)) ** 2).sum()) * FPS**3)
         assert found["key_jump_mps"][0][window] == pytest.approx(np.mean(jumps))
         assert found["jerk_mps3"][0][window] == pytest.approx(np.mean(jerks))
-    assert set(found) == {"key_jump_mps", "jerk_mps3"}  # no feet, no model
+    pops = {"largest_turn_deg", "largest_acceleration_mps2", "twist_share", "jolt_share"}
+    assert set(found) == {"key_jump_mps", "jerk_mps3", *pops}  # no feet, no model
 
 
 def test_a_pop_where_windows_meet_stands_out() -> None:
@@ -80,14 +85,16 @@ def test_a_pop_where_windows_meet_stands_out() -> None:
     times = np.linspace(0, 2, FRAMES)
     path = standing() + np.stack([np.sin(3 * times), times * 0, times], -1)[None, :, None]
     known, joints, seams = every(39), np.arange(9), np.array([19, 20])
-    smooth = feel(path, truth_of(path, known), joints, None, seams=seams)["seam_share"][0]
+    smooth = feel(path, unturned(path), truth_of(path, known), joints, None, seams=seams)["seam_share"][0]
     popped = path.copy()
     popped[:, 20:] += 0.03
-    found = feel(popped, truth_of(path, known), joints, None, seams=seams)["seam_share"][0]
+    found = feel(popped, unturned(popped), truth_of(path, known), joints, None, seams=seams)["seam_share"][0]
     bends = np.linalg.norm(np.diff(path[0, :, 0], n=2, axis=0), axis=-1)  # of frames 1 to 38
     assert smooth[0] == pytest.approx(bends[[18, 19]].mean() / np.delete(bends, [18, 19]).mean())
     assert found[0] > 5 * smooth[0]
-    none = feel(path, truth_of(path, np.ones(FRAMES, bool)), joints, None, seams=seams)["seam_share"][0]
+    none = feel(path, unturned(path), truth_of(path, np.ones(FRAMES, bool)), joints, None, seams=seams)["seam_share"][
+        0
+    ]
     assert np.isnan(none).all()
 
 
@@ -97,7 +104,7 @@ def test_known_runs_do_not_count_as_jerk_or_skate() -> None:
     known[20:25] = False
     made = truth.copy()
     made[:, :10, :, 0] += np.random.default_rng(1).normal(size=(10, 1))  # shaken where it was given
-    found = feel(made, truth_of(truth, known), np.arange(9), true_feet(skeleton(), truth))
+    found = feel(made, unturned(made), truth_of(truth, known), np.arange(9), true_feet(skeleton(), truth))
     assert found["jerk_mps3"][0][0] == pytest.approx(0) and found["foot_skate_mps"][0][0] == pytest.approx(0)
 
 
@@ -109,10 +116,10 @@ def test_feet_that_slide_and_sink_by_hand() -> None:
     made[..., 0] += 0.3 * np.arange(FRAMES)[:, None] / FPS  # 0.3 m/s sideways
     made[:, ~known, TOES[1], 1] -= 0.02
     made[:, ~known, TOES[0], 1] -= 0.01
-    found = feel(made, truth_of(truth, known), np.arange(9), feet)
+    found = feel(made, unturned(made), truth_of(truth, known), np.arange(9), feet)
     assert found["foot_skate_mps"][0][0] == pytest.approx(0.3)
     assert found["floor_penetration_mm"][0][0] == pytest.approx(20)  # the deeper foot, mean over missing frames
-    own = feel(truth, truth_of(truth, known), np.arange(9), feet)
+    own = feel(truth, unturned(truth), truth_of(truth, known), np.arange(9), feet)
     assert all(values[0] == pytest.approx(0) for values, _ in own.values())
 
 
@@ -141,8 +148,8 @@ def test_the_floor_is_the_lowest_of_true_toes_and_ankles_each() -> None:
 
 def test_a_window_in_the_air_tells_no_floor_and_no_skate() -> None:
     truth, known = standing(), every(5)
-    feet = TrueFeet(np.array(TOES), np.zeros((1, FRAMES, 2), bool), np.zeros((1, 2)))
-    found = feel(truth - 1, truth_of(truth, known), np.arange(9), feet)
+    feet = replace(true_feet(skeleton(), truth), contacts=np.zeros((1, FRAMES, 4), bool))
+    found = feel(truth - 1, unturned(truth - 1), truth_of(truth, known), np.arange(9), feet)
     assert np.isnan(found["floor_penetration_mm"][0]).all() and np.isnan(found["foot_skate_mps"][0]).all()
 
 
@@ -152,7 +159,7 @@ def test_what_fell_back_is_counted_in_missing_frames_and_measured_joints_alone()
     fell_back[:, known] = True  # means nothing
     fell_back[:, ~known, 8] = True  # does not count
     fell_back[:, ~known, 2] = True
-    found = feel(truth, truth_of(truth, known), np.arange(4), None, fell_back)
+    found = feel(truth, unturned(truth), truth_of(truth, known), np.arange(4), None, fell_back)
     assert found["fell_back_share"][0][0] == pytest.approx(1 / 4)
 
 

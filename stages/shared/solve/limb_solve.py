@@ -1,0 +1,166 @@
+"""A limb whose end follows a path: turns of its joints over time, all frames at once, each with its neighbours.
+
+The unknowns are a rotation vector for every joint of the limb and frame, in the joint's own frame after its base
+rotation. Their cost, with e the limb's end, s the shift that is wanted of it and P the joints' turn prior
+(`stages.shared.solve.key_prior`), which keeps a hinge on its axis:
+
+    sum over t of |e(t) - e_base(t) - s(t)|^2 / noise^2 + turn' P turn + span^4 turn'' ' P turn''
+
+The last term bounds how fast corrections come and go, also where a straight limb would have the turns leap. Frames
+are solved together by Gauss-Newton. The matrix is banded, so that the cost grows with the number of frames. Before,
+the wanted places are drawn in to where the limb is not yet straight (`within_reach`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from stages.shared.kinematics.rotations import multiply, rotate
+
+PINNED = 1e9  # precision of turns that must stay zero
+REACH, SOFT = 0.995, 0.02  # shares of a limb's length: as far as it is stretched, and where drawing in begins before
+SMALL = 1e-9
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A chain of n joints over T frames, float64, and its end, which rides on the last of them.
+
+    local:   (T, n, 4) rotations in the parents' frames, xyzw; the first joint's parent has `above` (T, 4).
+    top:     (T, 3) the first joint's place, metres.
+    offsets: (T, n, 3) from each joint to the next, or to the end, in the joint's frame.
+    """
+
+    local: np.ndarray
+    above: np.ndarray
+    top: np.ndarray
+    offsets: np.ndarray
+
+    def turned(self, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Global rotations (T, n, 4), joints' places (T, n, 3) and the end's (T, 3), with turns (T, n, 3) added."""
+        local = multiply(self.local, _quaternions(turns))
+        rotations, places = np.empty_like(local), np.empty((*local.shape[:2], 3))
+        above, place = self.above, self.top
+        for joint in range(local.shape[1]):
+            places[:, joint] = place
+            rotations[:, joint] = above = multiply(above, local[:, joint])
+            place = place + rotate(above, self.offsets[:, joint])
+        return rotations, places, place
+
+
+def within_reach(limb: Limb, ends: np.ndarray) -> np.ndarray:
+    """Places (T, 3) of a limb's end, drawn towards its first joint as far as they would straighten it.
+
+    The limb may reach up to `REACH` of its length, or as far as it reaches by itself; within `SOFT` before that
+    a place gives way more and more, so that the limb slows down before it stops.
+    """
+    length = np.linalg.norm(limb.offsets, axis=-1).sum(1)
+    own = np.linalg.norm(limb.turned(np.zeros(limb.offsets.shape))[2] - limb.top, axis=-1)
+    most = np.maximum(REACH * length, own)
+    away = ends - limb.top
+    distance = np.linalg.norm(away, axis=-1)
+    soft = SOFT * length
+    begin = most - soft
+    over = np.maximum(distance - begin, 0) / soft
+    # From `begin` on with slope 1 to 0 at `most`; what the limb reaches by itself stays as it is.
+    drawn = np.where(distance > begin, begin + soft * (1 - np.exp(-over)), distance)
+    allowed = np.where(own > begin, np.maximum(drawn, np.minimum(own, distance)), drawn)
+    return limb.top + away * (allowed / np.maximum(distance, SMALL))[:, None]
+
+
+def solve_limb(
+    limb: Limb,
+    shifts: np.ndarray,
+    prior: np.ndarray,
+    pinned: np.ndarray,
+    *,
+    noise_m: float,
+    span: float,
+    iterations: int = 6,
+) -> np.ndarray:
+    """Turns (T, n, 3) that shift a limb's end.
+
+    Args:
+        shifts: (T, 3) wanted of the end in the world, metres.
+        prior: (n, 3, 3) precision of the turns, 1 / radians^2.
+        pinned: (T,) bool, frames in which the limb stays as it is.
+        noise_m: how nearly the wanted place is to be met, metres.
+        span: frames over which corrections come and go.
+    """
+    frames, joints = limb.local.shape[:2]
+    turns = np.zeros((frames, joints, 3))
+    ends = within_reach(limb, limb.turned(turns)[2] + shifts)
+    own = np.zeros((3 * joints, 3 * joints))
+    for joint in range(joints):
+        own[3 * joint : 3 * joint + 3, 3 * joint : 3 * joint + 3] = prior[joint]
+    stiff = _second_differences(frames) * span**4
+    stiff[0] += 1.0
+    base = _banded(stiff, own)
+    size = 3 * joints
+    base[0].reshape(frames, size)[pinned] += PINNED
+    for _ in range(iterations):
+        rotations, places, end = limb.turned(turns)
+        arms = np.repeat(end[:, None], joints, axis=1) - places
+        axes = np.stack([rotate(rotations, np.broadcast_to(axis, arms.shape)) for axis in np.eye(3)], axis=2)
+        slopes = np.cross(axes, arms[:, :, None]).reshape(frames, size, 3) / noise_m  # d end / d turn
+        missed = (ends - end) / noise_m
+        bands = base.copy()
+        _add_blocks(bands, slopes @ slopes.transpose(0, 2, 1))
+        pull = (slopes @ missed[..., None])[..., 0] - _times(stiff, turns.reshape(frames, size) @ own)
+        pull[pinned] = 0.0
+        step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
+        turns = turns + step
+        if np.abs(step).max() < 1e-4:
+            break
+    turns[pinned] = 0.0
+    return turns
+
+
+def _quaternions(turns: np.ndarray) -> np.ndarray:
+    """(..., 4) of rotation vectors (..., 3)."""
+    angles = np.linalg.norm(turns, axis=-1, keepdims=True)
+    return np.concatenate([0.5 * np.sinc(angles / (2 * np.pi)) * turns, np.cos(angles / 2)], axis=-1)
+
+
+def _second_differences(frames: int) -> np.ndarray:
+    """(3, T) diagonal, first and second band of D'D, where D takes second differences."""
+    bands = np.zeros((3, frames))
+    inner = max(frames - 2, 0)
+    for first, weight in enumerate((1.0, -2.0, 1.0)):
+        for second, other in enumerate((1.0, -2.0, 1.0)):
+            if second >= first:
+                bands[second - first, first : first + inner] += weight * other
+    return bands
+
+
+def _times(bands: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A symmetric matrix of bands (3, T) times values (T, F)."""
+    out = bands[0][:, None] * values
+    for away in (1, 2):
+        band = bands[away][: len(values) - away, None]
+        out[away:] += band * values[:-away]
+        out[:-away] += band * values[away:]
+    return out
+
+
+def _banded(bands: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """LAPACK's lower bands of the Kronecker product of a symmetric matrix of bands (3, T) and a block (m, m)."""
+    size, frames = len(block), bands.shape[1]
+    out = np.zeros((3 * size, frames * size))
+    for away in range(3):
+        for row in range(size):
+            for column in range(size):
+                if (below := away * size + row - column) >= 0:
+                    out[below, column::size] += bands[away] * block[row, column]
+    return out
+
+
+def _add_blocks(bands: np.ndarray, blocks: np.ndarray) -> None:
+    """Add symmetric blocks (T, m, m) on the diagonal."""
+    size = blocks.shape[1]
+    for row in range(size):
+        for column in range(row + 1):
+            bands[row - column, column::size] += blocks[:, row, column]
