@@ -294,4 +294,7 @@ def _towards_slerp(
     if whole_turns is not None:
         too_much = too_much & ~onto(whole_turns, steps.device).unsqueeze(-1)
     share = room / away.clamp_min(1e-9)
-    return tuple(torch.where(too_much, third + share * (turn - third), turn) for turn in (outward, inward))
+    return (
+        torch.where(too_much, third + share * (outward - third), outward),
+        torch.where(too_much, third + share * (inward - third), inward),
+    )
