@@ -1,8 +1,8 @@
 """The Euler curve of one joint between two keys, through the forms of its angles, by a shortest path.
 
-A rotation has two Euler triples, and each angle may be written plus any whole turns: these are its forms. A curve that
-takes in every frame the form nearest to the frame before may arrive in another form than the next key is written in.
-So all curves without a jump are compared, from the form of one key to that of the other.
+A rotation has two Euler triples, and each angle may be written plus any whole turns: these are its forms. A curve
+that takes in every frame the form nearest to the frame before may arrive in another form than the next key is written
+in. So all curves without a jump are compared, from the form of one key to that of the other.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def through_lock(angles: np.ndarray, first: np.ndarray, last: np.ndarray, axes: 
     """The curve of a joint that stands at gimbal lock from key to key: there only the sum (or the difference) of the
     outer angles is determined, so each moves as little as it can.
 
-    Args and returns: as `path_between`, of channels about `axes` ("ZXY", ...); None where some frame does not stand at
-        gimbal lock, or the curve jumps.
+    Args and returns: as `path_between`, of channels about `axes` ("ZXY", ...); None where some frame does not stand
+        at gimbal lock, or the curve jumps.
     """
     if len(axes) != 3 or (np.abs(np.cos(np.deg2rad(angles[:, 1]))) >= LOCKED).any():
         return None

@@ -94,9 +94,9 @@ def sentences_of_jumps(jumps: list[EulerJump], first: int) -> list[str]:
     shown = [f"{jump.joint} into frame {jump.frame + first}" for jump in jumps[:_SHOWN]]
     more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
     return [
-        f"Rotation channels jump by more than {JUMP_DEGREES:g} degrees where the rotation does not, since the two keys "
-        f"are written on different branches of the Euler angles: {', '.join(shown)}{more}. Programs that blend channels "
-        "need an Euler filter there."
+        f"Rotation channels jump by more than {JUMP_DEGREES:g} degrees where the rotation does not, since the keys "
+        f"on both sides are written on different branches of the Euler angles: {', '.join(shown)}{more}. "
+        "Apply an Euler filter to these channels in your animation program."
     ]
 
 

@@ -111,7 +111,8 @@ class _BvhRows:
         made, jumps = rows_between_keys(self.bvh, self._skeleton, filled, keys - first, key_values)
         values[first : first + filled.frames] = made
         # The file's own text of the frame time stays, unless the user says that it is wrong.
-        frame_time = None if self._override is None else 1.0 / self._override
+        stated = self._override is None or self._override == rate_of(self.bvh.frame_time)
+        frame_time = None if stated else 1.0 / self.fps
         return write_bvh(self.bvh, values, kept, frames, frame_time=frame_time), sentences_of_jumps(jumps, first)
 
 
