@@ -12,11 +12,15 @@ import numpy as np
 from stages.shared.formats.euler import LOCKED, nearest_locked, other_triple, parity_of
 
 JUMP_DEGREES = 180.0  # a step of a channel beyond this is a jump, however the rotation moves
+LOCK_STEP_DEGREES = (
+    30.0  # of the middle angle, where the curve takes the other triple: it passes by gimbal lock there
+)
 _TURNS = 3  # whole turns by which a channel may be written apart from its curve in one triple
 
 
 def path_between(angles: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray | None:
-    """The curve of the least sum of squared steps, among those of which no channel jumps.
+    """The curve of the least sum of squared steps, among those of which no channel jumps and which take the other
+    triple beside gimbal lock alone: elsewhere the two triples lie half a turn apart.
 
     Args:
         angles: (M, n) degrees of the frames between two keys, in any form, n of 2 or 3.
@@ -30,7 +34,8 @@ def path_between(angles: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.
     turns = np.stack(np.meshgrid(*[np.arange(-_TURNS, _TURNS + 1)] * angles.shape[1], indexing="ij"), -1)
     costs = np.full((2, *turns.shape[:-1]), np.inf)
     for triple in range(2):
-        costs[(triple, *centre)] = _step_cost(triples[triple, 0] - first)
+        crosses = triple != _triple_of(first)
+        costs[(triple, *centre)] = _step_cost(triples[triple, 0] - first, crosses=crosses)
     came_from = np.zeros((len(angles), *costs.shape), bool)  # True: from the other triple
     shifts = np.zeros((len(angles), 2, angles.shape[1]), np.int64)
     for frame in range(1, len(angles)):
@@ -41,12 +46,15 @@ def path_between(angles: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.
         new = np.empty_like(costs)
         for triple in range(2):
             stay = costs[triple] + _step_cost(now[triple] - before[triple])
-            cross = _shifted(costs[1 - triple], shifts[frame, triple]) + _step_cost(crossed[triple])
+            crossing = _step_cost(crossed[triple], crosses=True)
+            cross = _shifted(costs[1 - triple], shifts[frame, triple]) + crossing
             came_from[frame, triple] = cross < stay
             new[triple] = np.minimum(stay, cross)
         costs = new
     arrival = last - (triples[:, -1].reshape(2, *[1] * angles.shape[1], -1) + 360.0 * turns)
     costs = np.where((np.abs(arrival) <= JUMP_DEGREES).all(-1), costs + (arrival**2).sum(-1), np.inf)
+    crossed = 1 - _triple_of(last)
+    costs[crossed][np.abs(arrival[crossed][..., 1]) > LOCK_STEP_DEGREES] = np.inf
     best = np.unravel_index(int(costs.argmin()), costs.shape)
     if not np.isfinite(costs[best]):
         return None
@@ -85,8 +93,7 @@ def largest_step(curve: np.ndarray, first: np.ndarray, last: np.ndarray) -> floa
 
 def _two_triples(angles: np.ndarray, first: np.ndarray) -> np.ndarray:
     """(2, M, n) both triples of each frame, each a curve without jumps of a whole turn that starts near a key."""
-    middle = angles[:, 1] - 360.0 * np.round(angles[:, 1] / 360.0)
-    inner = (np.abs(middle) <= 90.0)[:, None]
+    inner = np.array([_triple_of(frame) == 0 for frame in angles])[:, None]
     channels = angles.shape[1]
     other = other_triple(np.pad(angles, ((0, 0), (0, 3 - channels))))[:, :channels]
     pair = np.stack([np.where(inner, angles, other), np.where(inner, other, angles)])
@@ -94,8 +101,15 @@ def _two_triples(angles: np.ndarray, first: np.ndarray) -> np.ndarray:
     return np.unwrap(pair, axis=1, period=360.0)
 
 
-def _step_cost(step: np.ndarray) -> float:
-    return float((step**2).sum()) if (np.abs(step) <= JUMP_DEGREES).all() else np.inf
+def _triple_of(angles: np.ndarray) -> int:
+    """Which of the two triples angles (n,) are: 0 where the middle one lies within 90 degrees of a whole turn."""
+    return int(abs(angles[1] - 360.0 * np.round(angles[1] / 360.0)) > 90.0)
+
+
+def _step_cost(step: np.ndarray, *, crosses: bool = False) -> float:
+    """The sum of squares of a step (n,); infinite for a jump. crosses: the step takes the other triple."""
+    allowed = (np.abs(step) <= JUMP_DEGREES).all() and not (crosses and abs(step[1]) > LOCK_STEP_DEGREES)
+    return float((step**2).sum()) if allowed else np.inf
 
 
 def _shifted(costs: np.ndarray, turns: np.ndarray) -> np.ndarray:

@@ -49,6 +49,11 @@ def test_a_curve_close_to_gimbal_lock_keeps_the_triple_that_the_next_key_has():
     assert same_rotations(angles_near(to_quaternions(curve, ORDER), ORDER, near), curve)
 
 
+def test_a_whole_turn_is_not_made_of_two_half_turns_from_triple_to_triple():
+    turning = np.stack([np.linspace(100, 190, 10), np.full(10, 20.0), np.full(10, 5.0)], -1)
+    assert path_between(turning[1:-1], turning[0], turning[-1] - np.array([360.0, 0, 0])) is None
+
+
 def test_keys_a_whole_turn_apart_have_no_curve_without_a_jump():
     still = np.tile([10.0, 0.0, 20.0], (8, 1))
     assert path_between(still, still[0], still[0] + [360.0 * 3, 0, 0]) is None
@@ -68,7 +73,7 @@ def test_a_joint_that_stands_at_gimbal_lock_keeps_its_channels_still(middle):
 
 def test_two_channels_take_the_form_of_the_next_key():
     curve = np.stack([np.linspace(-170, -300, 12), np.linspace(5, 40, 12)], -1)
-    found = path_between(curve[1:-1] + [360.0, 0.0], curve[0], curve[-1])
+    found = path_between(curve[1:-1] + np.array([360.0, 0.0]), curve[0], curve[-1])
     assert found is not None and np.allclose(found, curve[1:-1])
 
 
