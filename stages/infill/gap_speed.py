@@ -1,4 +1,4 @@
-"""The speed at which a body must move from key to key, however a gap is filled."""
+"""The speed at which a body moves through a gap, against what people show in recordings."""
 
 from __future__ import annotations
 
@@ -14,35 +14,32 @@ LIMB_MPS = 10.5
 _SHOWN = 3
 
 
-def sentences_of_speed(skeleton: Skeleton, key_motion: Motion, keys: np.ndarray, fps: float) -> list[str]:
-    """A sentence where the keys on both sides of a gap ask for more speed than people show in recordings.
+def sentences_of_speed(skeleton: Skeleton, filled: Motion, keys: np.ndarray, first: int) -> list[str]:
+    """A sentence where a gap moves faster than people do in recordings, since its keys ask for it.
 
     Args:
-        key_motion: the K keys as its frames. keys: (K,) frames of the output, rising. fps: of the output.
+        filled: T frames. keys: (K,) frames of it that are given, rising. first: the output's number of frame 0.
     """
-    gaps = np.flatnonzero(np.diff(keys) > 1)
-    if not len(gaps):
-        return []
-    at_edges = np.unique(np.concatenate([gaps, gaps + 1]))
-    places = positions_of(skeleton, key_motion.at(at_edges))
-    before, after = np.searchsorted(at_edges, gaps), np.searchsorted(at_edges, gaps + 1)
-    seconds = (keys[gaps + 1] - keys[gaps]) / fps
-    speeds = np.linalg.norm(places[after] - places[before], axis=-1) / seconds[:, None]
-    pelvis = speeds[:, skeleton.root]
-    limbs = np.where(np.asarray(skeleton.sampled, bool), speeds, 0.0)
-    fastest = limbs.argmax(axis=1)
+    places = positions_of(skeleton, filled)
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=-1) * filled.fps
+    speeds[:, ~np.asarray(skeleton.sampled, bool) & (np.arange(skeleton.joints) != skeleton.root)] = 0.0
     found = []
-    for gap in np.flatnonzero((pelvis > PELVIS_MPS) | (limbs.max(axis=1) > LIMB_MPS)):
-        too_fast = pelvis[gap] > PELVIS_MPS
-        joint = skeleton.root if too_fast else int(fastest[gap])
-        first, last = int(keys[gaps[gap]]), int(keys[gaps[gap] + 1])
-        found.append((float(speeds[gap, joint]), f"{skeleton.names[joint]} from key {first} to key {last} at "))
-    found.sort(key=lambda each: -each[0])
+    for before, after in zip(keys, [*keys[1:], filled.frames], strict=True):
+        steps = speeds[before:after]  # into each missing frame, and into the key after them
+        if after - before < 2:
+            continue
+        limb = int(steps.max(axis=0).argmax())
+        joint = skeleton.root if steps[:, skeleton.root].max() > PELVIS_MPS else limb
+        most = float(steps[:, joint].max())
+        if most > (PELVIS_MPS if joint == skeleton.root else LIMB_MPS):
+            span = f"frames {before + 1 + first}-{after - 1 + first}"
+            found.append((most, f"{skeleton.names[joint]} {most:.1f} m/s in {span}"))
     if not found:
         return []
-    shown = ", ".join(f"{what}{speed:.1f} m/s" for speed, what in found[:_SHOWN])
+    found.sort(key=lambda each: -each[0])
+    shown = ", ".join(what for _, what in found[:_SHOWN])
     more = f" and {len(found) - _SHOWN} more gaps" if len(found) > _SHOWN else ""
     return [
         f"The keys ask for more speed than 99.9 % of recorded frames show (pelvis {PELVIS_MPS:g} m/s, other joints "
-        f"{LIMB_MPS:g} m/s): {shown}{more}. Move these keys further apart in time or closer together in space."
+        f"{LIMB_MPS:g} m/s): {shown}{more}. Move the keys beside these gaps further apart in time or closer in space."
     ]

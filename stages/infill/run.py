@@ -87,9 +87,9 @@ def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
     request = request_of(config, file.frames, file.fps)
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
     skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)
-    speeds = sentences_of_speed(skeleton, key_motion, request.keys, key_motion.fps)
     region = _region_of(request, models.window, key_motion.fps)
     filled = _fill(skeleton, key_motion, region, models, config)
+    speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
     rows = request.key_rows[region.of_all]
     data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
     return FilledFile(data, request, region, skeleton, filled, (*notes, *speeds, *losses))

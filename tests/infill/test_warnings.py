@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,17 +71,16 @@ def test_inspect_does_not_ask_for_a_rate_that_was_given(tmp_path):
         assert any("--fps-override" in line for line in report.lines) == asked
 
 
-def test_keys_that_ask_for_inhuman_speed_are_told_with_the_number(tmp_path):
-    bvh = read_bvh(BvhText(frames=3).text().encode(), "in")
-    skeleton, motion, _ = motion_of(bvh)
-    roots, keys = motion.root_positions, np.array([0, 12, 24])
-    still = type(motion)(
-        np.repeat(motion.rotations[:1], 3, 0), np.repeat(roots[:1], 3, 0), 30.0, motion.track_joints, motion.tracks
-    )
-    assert sentences_of_speed(skeleton, still, keys, 30.0) == []
-    still.root_positions[2, 0] += 0.4 * 6.0
-    (sentence,) = sentences_of_speed(skeleton, still, keys, 30.0)
-    assert "from key 12 to key 24 at 6.0 m/s" in sentence and "key 0" not in sentence
-    assert sentences_of_speed(skeleton, still, np.array([0, 12, 48]), 30.0) == []  # 2 m/s
-    assert sentences_of_speed(skeleton, still, np.array([0, 1, 2]), 30.0) == []  # no gap
+def test_gaps_of_inhuman_speed_are_told_with_the_number():
+    skeleton, motion, _ = motion_of(read_bvh(BvhText(frames=25).text().encode(), "in"))
+    rotations = np.repeat(motion.rotations[:1], 25, 0)
+    roots, keys = np.repeat(motion.root_positions[:1], 25, 0), np.array([0, 12, 24])
+    still = replace(motion, rotations=rotations, root_positions=roots)
+    assert sentences_of_speed(skeleton, still, keys, 0) == []
+    roots[13:, 0] += np.minimum(np.arange(12), 5) * 6.0 / still.fps
+    (sentence,) = sentences_of_speed(skeleton, still, keys, 100)
+    assert "6.0 m/s in frames 113-123" in sentence and "101" not in sentence
+    assert sentences_of_speed(skeleton, still, np.arange(25), 0) == []  # no gap
+    roots[13:, 0] = roots[0, 0] + np.minimum(np.arange(12), 5) * 2.0 / still.fps
+    assert sentences_of_speed(skeleton, still, keys, 0) == []
     assert 4.0 < PELVIS_MPS < 5.5 < LIMB_MPS
