@@ -28,7 +28,7 @@ def _about(axis: int, degrees: np.ndarray | float) -> Rotation:
 def _between(quaternions: np.ndarray, times: np.ndarray, segment: int, smooth: float) -> np.ndarray:
     """(FINE, 4) a joint's rotations from one key to the next, both included."""
     local = torch.as_tensor(quaternions, dtype=torch.float32)[:, None]
-    fine = torch.linspace(float(times[segment]), float(times[segment + 1]), FINE, dtype=torch.float64)
+    fine = torch.as_tensor(np.linspace(times[segment], times[segment + 1], FINE))
     zeros = torch.zeros(len(times), 3)
     made, _, _ = interpolate_pose(local, zeros, zeros[:1], torch.as_tensor(times), fine, smooth=smooth)
     return made[:, 0].double().numpy()
