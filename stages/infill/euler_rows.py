@@ -2,25 +2,38 @@
 
 A key's angles are the file's own and may be written in any of the equal forms (plus 360 degrees, or the other
 triple). A curve that follows the key before may therefore arrive in another form than the key after has. Then the
-curve is followed from both keys, and changes its form inside the gap, where it hurts least: near plus or minus 180
-degrees, as the curves in the wild do.
+curve without a jump that reaches that form is searched for (`stages.infill.euler_path`). Where there is none, the
+curve is followed from both keys and changes its form inside the gap, where it hurts least: near plus or minus 180
+degrees, as the curves in the wild do. Such a jump is reported.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from data_schemas.skeleton import Motion, Skeleton
+from stages.infill.euler_path import JUMP_DEGREES, path_between, through_lock
 from stages.shared.formats.bvh import BvhFile
 from stages.shared.formats.bvh_rows import layout_of, values_of
 
 SAME_DEGREES = 1.0  # forms of an angle differ by far more, rounding by far less
+_SHOWN = 4
+
+
+@dataclass(frozen=True)
+class EulerJump:
+    """A channel that jumps although the rotation does not: the joint, and the frame into which it jumps."""
+
+    joint: str
+    frame: int
 
 
 def rows_between_keys(
     bvh: BvhFile, skeleton: Skeleton, motion: Motion, keys: np.ndarray, key_values: np.ndarray
-) -> np.ndarray:
-    """Rows (T, C) of a filled motion in the file's unit, axes and channel orders.
+) -> tuple[np.ndarray, list[EulerJump]]:
+    """Rows (T, C) of a filled motion in the file's unit, axes and channel orders, and the jumps that no curve avoids.
 
     Args:
         bvh: the file that the skeleton was read from.
@@ -30,7 +43,12 @@ def rows_between_keys(
     """
     columns = key_values.shape[1]
     layout = layout_of(bvh.joints)
-    angles = [at for _, _, joints in layout.rotations for at in joints if len(at)]
+    angles = [
+        (bvh.joints[joint].name, axes, at)
+        for axes, joints, columns in layout.rotations
+        for joint, at in zip(joints, columns, strict=True)
+        if axes
+    ]
     # Position channels of joints that stand still are taken from these: between keys, the keys' own values.
     guide = np.full((motion.frames, columns), np.nan)
     frames = np.arange(motion.frames)
@@ -41,21 +59,53 @@ def rows_between_keys(
     stops = [*keys[1:], motion.frames] if keys[-1] < motion.frames - 1 else [*keys[1:]]
     gaps = [(k, int(a), int(b)) for k, (a, b) in enumerate(zip(keys[: len(stops)], stops, strict=True)) if b - a > 1]
     forward = _followed(bvh, skeleton, motion, guide, [(a, b, key_values[k]) for k, a, b in gaps], 1)
-    clashes: list[tuple[int, int, int, list[np.ndarray]]] = []
+    clashes: list[tuple[int, int, int, list[tuple[str, np.ndarray]]]] = []
     for (k, a, b), made in zip(gaps, forward, strict=True):
         out[a + 1 : b] = made[1 : b - a]
         if b < motion.frames:
-            differs = np.abs(made[-1] - key_values[k + 1]) > SAME_DEGREES
-            joints = [at for at in angles if differs[at].any()]
+            first, last = key_values[k], key_values[k + 1]
+            differs = np.abs(made[-1] - last) > SAME_DEGREES
+            joints = []
+            for joint, axes, at in angles:
+                if not differs[at].any():
+                    continue
+                curve = _without_jump(out[a + 1 : b, at], first[at], last[at], axes)
+                if curve is None:
+                    joints.append((joint, at))
+                else:
+                    out[a + 1 : b, at] = curve
             if joints:
                 clashes.append((k, a, b, joints))
     backward = _followed(bvh, skeleton, motion, guide, [(b, a, key_values[k + 1]) for k, a, b, _ in clashes], -1)
+    jumps: list[EulerJump] = []
     for (_, a, b, joints), made in zip(clashes, backward, strict=True):
         from_end = made[::-1][1:-1]
-        for at in joints:
-            here = out[a + 1 : b, at]
-            out[a + 1 : b, at] = _joined(here, from_end[:, at])
-    return out
+        for joint, at in joints:
+            out[a + 1 : b, at] = _joined(out[a + 1 : b, at], from_end[:, at])
+            steps = np.abs(np.diff(out[a : b + 1, at], axis=0)).max(axis=1)
+            jumps += [EulerJump(joint, a + 1 + int(step)) for step in np.flatnonzero(steps > JUMP_DEGREES)]
+    return out, jumps
+
+
+def sentences_of_jumps(jumps: list[EulerJump], first: int) -> list[str]:
+    """What the user should know of the jumps. first: the output's number of frame 0 of the jumps' frames."""
+    if not jumps:
+        return []
+    shown = [f"{jump.joint} into frame {jump.frame + first}" for jump in jumps[:_SHOWN]]
+    more = f" and {len(jumps) - _SHOWN} more" if len(jumps) > _SHOWN else ""
+    return [
+        f"Rotation channels jump by more than {JUMP_DEGREES:g} degrees where the rotation does not, since the keys "
+        f"on both sides are written on different branches of the Euler angles: {', '.join(shown)}{more}. "
+        "Apply an Euler filter to these channels in your animation program."
+    ]
+
+
+def _without_jump(angles: np.ndarray, first: np.ndarray, last: np.ndarray, axes: str) -> np.ndarray | None:
+    """A joint's curve (M, n) in forms that reach the next key without a jump; None where there is no such curve."""
+    if len(axes) == 1:
+        return None
+    found = through_lock(angles, first, last, axes)
+    return path_between(angles, first, last) if found is None else found
 
 
 def _followed(

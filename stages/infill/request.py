@@ -64,15 +64,27 @@ def request_of(config: Config, rows: int, fps: float) -> Request:
             "Name the last frame among the keys, or leave --predict away.",
         )
     outside = [*range(keys[0]), *range(keys[-1], rows)]
-    request = Request(rows + added, keys, keys, {int(frame): int(frame) for frame in [*outside, *keys]})
+    first, last = int(keys[0]), int(keys[-1])
+    notes = (_note_outside(first, last, rows),) if first > 0 or last < rows - 1 else ()
+    request = Request(rows + added, keys, keys, {int(frame): int(frame) for frame in [*outside, *keys]}, notes)
     if len(request.missing) == 0:
         raise UsageError("No frame lies between the keys, so there is nothing to fill.", "Name fewer keys.")
     return request
 
 
+def _note_outside(first: int, last: int, rows: int) -> str:
+    """What the user should know of rows before the first key and after the last one."""
+    ranges = [(0, first - 1)] * (first > 0) + [(last + 1, rows - 1)] * (last < rows - 1)
+    named = " and ".join(f"{a}-{b}" for a, b in ranges)
+    return (
+        f"Rows {named} lie outside the keys and are written as they came; name keys there if they are to be filled."
+    )
+
+
 def _sparse(config: Config, rows: int, fps: float, added: int) -> Request:
     """Keys alone: every row of the input is a key, at the frames or times given."""
     notes: list[str] = []
+    exact = np.zeros(0)
     if config.frames is not None:
         name, keys = "--frames", _numbers(config.frames, "--frames").astype(np.int64)
     else:
@@ -87,10 +99,19 @@ def _sparse(config: Config, rows: int, fps: float, added: int) -> Request:
             )
     if len(keys) != rows:
         raise InputError(f"{name} names {len(keys)} keys, but the file has {rows} rows.", "Name one for each row.")
+    if config.frames is None and keys[0] >= 0 and (np.diff(exact) > 0).all() and (np.diff(keys) == 0).any():
+        shared = int(np.flatnonzero(np.diff(keys) == 0)[0])
+        raise InputError(
+            f"At {fps:g} frames a second the times {exact[shared] / fps:g} and {exact[shared + 1] / fps:g} of {name} "
+            f"fall on one frame, {keys[shared]}.",
+            "Give the frame rate of the output with --fps-override.",
+        )
     if keys[0] < 0 or (np.diff(keys) <= 0).any():
         raise InputError(f"{name} must rise from 0 or more, and no two keys may share a frame.", "Mend the list.")
     if keys[-1] + added >= MOST_FRAMES:
         raise InputError(f"{name} asks for {keys[-1] + 1} frames.", f"Stay below {MOST_FRAMES}.")
+    if keys[0] > 0:
+        notes.append(f"Frames 0-{keys[0] - 1} lie before the first key and repeat its row.")
     kept = {frame: 0 for frame in range(int(keys[0]))}
     kept |= {int(frame): row for row, frame in enumerate(keys)}
     request = Request(int(keys[-1]) + 1 + added, keys, np.arange(rows), kept, tuple(notes))

@@ -11,7 +11,7 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
-from stages.infill.euler_rows import rows_between_keys
+from stages.infill.euler_rows import rows_between_keys, sentences_of_jumps
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, rate_of
 from stages.shared.formats.bvh_write import write_bvh
@@ -108,9 +108,12 @@ class _BvhRows:
         assert self._skeleton is not None  # made with the keys' motion
         key_values = self.bvh.values[rows]
         values = np.zeros((frames, key_values.shape[1]))
-        made = rows_between_keys(self.bvh, self._skeleton, filled, keys - first, key_values)
+        made, jumps = rows_between_keys(self.bvh, self._skeleton, filled, keys - first, key_values)
         values[first : first + filled.frames] = made
-        return write_bvh(self.bvh, values, kept, frames), []
+        # The file's own text of the frame time stays, unless the user says that it is wrong.
+        stated = self._override is None or self._override == rate_of(self.bvh.frame_time)
+        frame_time = None if stated else 1.0 / self.fps
+        return write_bvh(self.bvh, values, kept, frames, frame_time=frame_time), sentences_of_jumps(jumps, first)
 
 
 class _RobotRows:

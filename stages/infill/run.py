@@ -13,6 +13,7 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.whole_file import write_whole
 from stages.infill.config import Config
+from stages.infill.gap_speed import sentences_of_speed
 from stages.infill.request import Request, request_of
 from stages.infill.row_files import RowFile, row_file
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
@@ -88,9 +89,10 @@ def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
     skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)
     region = _region_of(request, models.window, key_motion.fps)
     filled = _fill(skeleton, key_motion, region, models, config)
+    speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
     rows = request.key_rows[region.of_all]
     data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
-    return FilledFile(data, request, region, skeleton, filled, (*notes, *losses))
+    return FilledFile(data, request, region, skeleton, filled, (*notes, *speeds, *losses))
 
 
 def _in_format_of(output: Path, file: RowFile, made: FilledFile) -> tuple[bytes, list[str]]:

@@ -57,12 +57,15 @@ class Described:
         self.figures |= {"problems": problems, "remarks": remarks}
 
 
-def describe_recording(recording: Recording, bvh: BvhFile | None, *, mapped: bool = False) -> Described:
+def describe_recording(
+    recording: Recording, bvh: BvhFile | None, *, mapped: bool = False, rate_given: bool = False
+) -> Described:
     """A clip on its skeleton.
 
     Args:
         bvh: the file, if it is a BVH, for its channels.
         mapped: True if the body parts come from a skeleton map of the user's.
+        rate_given: True if the frame rate is the user's own.
     """
     skeleton, motion = recording.skeleton, recording.motion
     places = positions_of(skeleton, motion)
@@ -89,7 +92,7 @@ def describe_recording(recording: Recording, bvh: BvhFile | None, *, mapped: boo
         dict.fromkeys(
             [
                 *sentences_of(recording.notes),
-                *suspicions_of(skeleton, motion, places, anatomy, frames - motion.frames),
+                *suspicions_of(skeleton, motion, places, anatomy, frames - motion.frames, rate_given=rate_given),
             ]
         )
     )

@@ -52,6 +52,7 @@ class _Found:
     bvh: BvhFile | None
     fault: str = ""
     mapped: bool = False
+    rate_given: bool = False
 
 
 def _read(source: Source, asked: Asked) -> _Found:
@@ -72,13 +73,18 @@ def _read(source: Source, asked: Asked) -> _Found:
         return _Found(source, chosen, [], bvh, error.message)
     for recording in recordings:
         choose_map(asked.skeleton_maps, recording.skeleton.names, must_fit=bool(asked.skeleton_maps))
-    return _Found(source, chosen, recordings, bvh, mapped=bool(asked.skeleton_maps))
+    return _Found(
+        source, chosen, recordings, bvh, mapped=bool(asked.skeleton_maps), rate_given=asked.fps_override is not None
+    )
 
 
 def _described(found: _Found) -> list[Described]:
     if found.bvh is not None and not found.recordings:
         return [describe_bare_bvh(found.bvh, found.fault)]
-    return [describe_recording(recording, found.bvh, mapped=found.mapped) for recording in found.recordings]
+    return [
+        describe_recording(recording, found.bvh, mapped=found.mapped, rate_given=found.rate_given)
+        for recording in found.recordings
+    ]
 
 
 def _in_full(found: _Found) -> StageReport:

@@ -16,17 +16,24 @@ _USUAL_RATES = (24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200
 
 
 def suspicions_of(
-    skeleton: Skeleton, motion: Motion, places: np.ndarray, anatomy: RigAnatomy, dropped: int = 0
+    skeleton: Skeleton,
+    motion: Motion,
+    places: np.ndarray,
+    anatomy: RigAnatomy,
+    dropped: int = 0,
+    *,
+    rate_given: bool = False,
 ) -> list[str]:
     """Sentences on what a user should check before using the file.
 
     Args:
         places: (T, J, 3) joints, metres, Y up.
+        rate_given: the frame rate is the user's own.
         dropped: frames of the file before the motion's first frame, added to frame numbers in the sentences.
     """
     return [
         *_of_the_body(skeleton, anatomy),
-        *_of_the_rate(motion),
+        *([] if rate_given else _of_the_rate(motion)),
         *_of_the_movement(skeleton, motion, places, dropped),
         *_of_the_places(skeleton, motion, places),
     ]

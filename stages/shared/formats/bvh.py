@@ -9,13 +9,12 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass, field, replace
-from itertools import islice
 
 import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
-from stages.shared.formats.bvh_header import BvhJoint, HeaderFault, parse_header
+from stages.shared.formats.bvh_header import DECIMAL_COMMA, BvhJoint, HeaderFault, has_decimal_comma, parse_header
 
 __all__ = ["BvhFile", "BvhJoint", "read_bvh"]
 
@@ -86,7 +85,8 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
     body = rest[cut:]
     newline = _newline_of(body) or _newline_of(rest) or "\n"
     row_line = first_line + _line_count(rest[:cut])
-    rows, values = _parse_rows(body, newline.encode(), columns, _Place(name, joints, row_line), keep_unreadable_rows)
+    place = _Place(name, joints, row_line)
+    rows, values = _parse_rows(body, newline.encode(), columns, place, keep_unreadable_rows, declared)
     notes = _check_frames(name, declared, len(rows), rows)
     return BvhFile(
         name=name,
@@ -154,7 +154,7 @@ def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
         raise InputError(
             f"{name}, line {line + 2}: Frame Time is '{time_text.decode('latin-1')[:40]}'"
             " and must be seconds between 0.0001 and 10.",
-            "Write 1 divided by the frames per second.",
+            DECIMAL_COMMA if has_decimal_comma([time_text]) else "Write 1 divided by the frames per second.",
         )
     return int(frames_text), frame_time, match.end()
 
@@ -175,34 +175,31 @@ class _Place:
 
 
 def _parse_rows(
-    body: bytes, newline: bytes, columns: int, place: _Place, keep_unreadable: bool
+    body: bytes, newline: bytes, columns: int, place: _Place, keep_unreadable: bool, declared: int
 ) -> tuple[list[bytes], np.ndarray]:
     lines = body.split(b"\n" if newline != b"\r" else b"\r")
     if newline == b"\r\n":
         lines = [line[:-1] if line.endswith(b"\r") else line for line in lines]
-    rows = [line for line in lines if line and not line.isspace()]
+    held = [(place.first_line + at, line) for at, line in enumerate(lines) if line and not line.isspace()]
+    rows = [line for _, line in held]
+    starts = [at for at, _ in held]
     values, bad = _fill_values(rows, columns)
-    if bad:
-        unwrapped = None if keep_unreadable else _unwrap_rows(body, columns)
-        if unwrapped is not None:
-            return unwrapped
-        if not keep_unreadable:
-            raise _row_error(rows[bad[0]], columns, place, place.first_line + _line_of(lines, bad[0]))
-        values[bad] = np.nan
+    if bad and not keep_unreadable:
+        unwrapped = _unwrap_rows(rows, starts, columns, declared)
+        if unwrapped is None:
+            raise _row_error(rows[bad[0]], columns, place, starts[bad[0]], last=bad[0] == len(rows) - 1)
+        rows, starts = unwrapped
+        values, bad = _fill_values(rows, columns)
+        if bad:
+            raise _row_error(rows[bad[0]], columns, place, starts[bad[0]])
+    values[bad] = np.nan
     if not keep_unreadable and not np.isfinite(values).all():
         row, column = np.argwhere(~np.isfinite(values))[0]
-        line = place.first_line + _line_of(lines, int(row))
         raise InputError(
-            f"{place.name}, line {line}: {place.joint_of(column)} in frame {row} is {values[row, column]},"
+            f"{place.name}, line {starts[row]}: {place.joint_of(column)} in frame {row} is {values[row, column]},"
             " not a finite number."
         )
     return rows, values
-
-
-def _line_of(lines: list[bytes], row: int) -> int:
-    """The line that holds a row; blank lines are not counted as rows."""
-    held = (i for i, line in enumerate(lines) if line and not line.isspace())
-    return next(islice(held, row, None))
 
 
 def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]]:
@@ -221,23 +218,49 @@ def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]
     return values, bad
 
 
-def _unwrap_rows(body: bytes, columns: int) -> tuple[list[bytes], np.ndarray] | None:
-    """Rows of a file that wraps them over several lines: C words make one row. None if the words do not fit."""
-    words = body.split()
-    if not words or len(words) % columns:
+def _unwrap_rows(
+    lines: list[bytes], starts: list[int], columns: int, declared: int
+) -> tuple[list[bytes], list[int]] | None:
+    """Rows of C words of a file that breaks them into lines regularly, and the line on which each begins.
+
+    Regular are rows that all begin on a new line, several whole rows on a line, and lines of one length that is at
+    most half a row. Returns None for other breaks: a row that lacks a number never takes one of the next row.
+    """
+    words = [line.split() for line in lines]
+    counts = [len(each) for each in words]
+    total = sum(counts)
+    if not total or total % columns:
         return None
-    rows = [b" ".join(words[i : i + columns]) for i in range(0, len(words), columns)]
-    values, bad = _fill_values(rows, columns)
-    return None if bad else (rows, values)
+    one_length = len(set(counts[:-1])) == 1 and counts[-1] <= counts[0] <= columns // 2
+    if not (_rows_begin_on_lines(counts, columns) or (one_length and total == declared * columns)):
+        return None
+    flat = [(word, at) for each, at in zip(words, starts, strict=True) for word in each]
+    rows = [flat[i : i + columns] for i in range(0, total, columns)]
+    return [b" ".join(word for word, _ in row) for row in rows], [row[0][1] for row in rows]
 
 
-def _row_error(row: bytes, columns: int, place: _Place, line: int) -> InputError:
+def _rows_begin_on_lines(counts: list[int], columns: int) -> bool:
+    """True where lines of so many words make up rows of C words, and no row begins within another's line."""
+    held = 0
+    for count in counts:
+        held += count
+        if held in (columns, count) and held % columns == 0:
+            held = 0
+        elif held > columns:
+            return False
+    return held == 0
+
+
+def _row_error(row: bytes, columns: int, place: _Place, line: int, *, last: bool = False) -> InputError:
     words = row.split()
     for column, word in enumerate(words[:columns]):
         if not _is_number(word):
             shown = word.decode("latin-1")[:40]
-            return InputError(f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.")
-    hint = "Is the file truncated?" if len(words) < columns else None
+            return InputError(
+                f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.",
+                DECIMAL_COMMA if has_decimal_comma([word]) else None,
+            )
+    hint = "Is the file truncated?" if last and len(words) < columns else "Mend the row: one number for each channel."
     return InputError(f"{place.name}, line {line}: {len(words)} values, but {columns} channels are declared.", hint)
 
 

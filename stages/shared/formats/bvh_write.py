@@ -11,7 +11,7 @@ from data_schemas.errors import PumpsError
 from stages.shared.formats.bvh import BvhFile
 
 DECIMALS = 6
-_FRAME_TIME_LINE = re.compile(r"(Frame[ \t]+Time[ \t]*:?[ \t]*)\S+", re.IGNORECASE)
+_FRAME_TIME_LINE = re.compile(r"(Frame[ \t]*Time[ \t]*:?[ \t]*)\S+", re.IGNORECASE)
 _FRAMES_LINE = re.compile(r"(Frames[ \t]*:?[ \t]*)\d+", re.IGNORECASE)
 
 

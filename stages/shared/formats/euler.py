@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 _AXIS = {"X": 0, "Y": 1, "Z": 2}
-_LOCKED = 1e-6  # gimbal lock: below this cosine of the middle angle only a sum of the outer angles is determined
+LOCKED = 1e-6  # gimbal lock: below this cosine of the middle angle only a sum of the outer angles is determined
 
 
 def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
@@ -53,13 +53,13 @@ def angles_near(rotations: np.ndarray, axes: str, near: np.ndarray) -> np.ndarra
         return _unwrapped(angles, near, guided)
     full = axes if len(axes) == 3 else axes + next(axis for axis in "XYZ" if axis not in axes)
     first, locked = _tait_bryan(rotations, full)
-    pair = np.stack([first, _other_triple(first)])[:, :, : len(axes)]
+    pair = np.stack([first, other_triple(first)])[:, :, : len(axes)]
     if locked.any() and len(axes) == 3:
-        return _one_by_one(pair, near, guided, locked, _parity(axes))
+        return _one_by_one(pair, near, guided, locked, parity_of(axes))
     return _unwrapped(_chosen(pair, near, guided), near, guided)
 
 
-def _other_triple(angles: np.ndarray) -> np.ndarray:
+def other_triple(angles: np.ndarray) -> np.ndarray:
     """The other Euler triple (..., 3) of the same rotation."""
     return np.stack([angles[..., 0] + 180, 180 - angles[..., 1], angles[..., 2] + 180], axis=-1)
 
@@ -107,7 +107,7 @@ def _one_by_one(
     for frame in range(len(near)):
         guide = near[frame] if guided[frame] else previous
         if locked[frame]:
-            previous = _nearest_locked(pair[0, frame], guide, parity)
+            previous = nearest_locked(pair[0, frame], guide, parity)
         else:
             both = pair[:, frame] + 360.0 * np.round((guide - pair[:, frame]) / 360.0)
             previous = both[np.abs(both - guide).sum(axis=1).argmin()]
@@ -115,7 +115,7 @@ def _one_by_one(
     return out
 
 
-def _parity(axes: str) -> float:
+def parity_of(axes: str) -> float:
     """1 for a cyclic order of axes (XYZ, YZX, ZXY), -1 for the others."""
     return 1.0 if (_AXIS[axes[1]] - _AXIS[axes[0]]) % 3 == 1 else -1.0
 
@@ -123,12 +123,12 @@ def _parity(axes: str) -> float:
 def _tait_bryan(rotations: np.ndarray, axes: str) -> tuple[np.ndarray, np.ndarray]:
     """Angles (T, 3) degrees about three different intrinsic axes, the middle one in [-90, 90]; (T,) gimbal lock."""
     i, j, k = (_AXIS[axis] for axis in axes)
-    sign = _parity(axes)
+    sign = parity_of(axes)
     matrix = Rotation.from_quat(rotations).as_matrix()
     middle_sin = np.clip(sign * matrix[:, i, k], -1.0, 1.0)
     middle_cos = np.hypot(matrix[:, i, i], matrix[:, i, j])
     middle = np.arctan2(middle_sin, middle_cos)
-    locked = np.asarray(middle_cos < _LOCKED)
+    locked = np.asarray(middle_cos < LOCKED)
     first = np.arctan2(-sign * matrix[:, j, k], matrix[:, k, k])
     third = np.arctan2(-sign * matrix[:, i, j], matrix[:, i, i])
     first = np.where(locked, np.arctan2(sign * matrix[:, k, j], matrix[:, j, j]), first)
@@ -136,7 +136,7 @@ def _tait_bryan(rotations: np.ndarray, axes: str) -> tuple[np.ndarray, np.ndarra
     return np.rad2deg(np.stack([first, middle, third], axis=1)), locked
 
 
-def _nearest_locked(angles: np.ndarray, guide: np.ndarray, parity: float) -> np.ndarray:
+def nearest_locked(angles: np.ndarray, guide: np.ndarray, parity: float) -> np.ndarray:
     """Angles at gimbal lock: only first + third (or first - third) is determined; both move equally off the guide."""
     turn = parity if angles[1] > 0 else -parity
     wanted = angles[0] + turn * angles[2]

@@ -7,8 +7,10 @@ both neighbouring segments share gives a curve without a kink at the key.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
+import numpy as np
 import roma
 import torch
 from torch import Tensor
@@ -26,6 +28,8 @@ class Damping(NamedTuple):
 
 
 DAMPING = Damping()
+# A segment's middle control turn stays so far below a half turn, at which it would go round the other way.
+MOST_MIDDLE_RAD = math.radians(165)
 
 
 class Smoothing(NamedTuple):
@@ -82,6 +86,16 @@ def _damped(seconds: Tensor, half: float) -> Tensor:
     return (1 / (1 + (seconds / half) ** 3)).float()
 
 
+def pelvis_and_above(parents: np.ndarray, pelvis: int) -> Tensor:
+    """(J,) bool: the joints that turn the whole body, of a tree with parents (J,)."""
+    found = torch.zeros(len(parents), dtype=torch.bool)
+    joint = pelvis
+    while joint >= 0:
+        found[joint] = True
+        joint = int(parents[joint])
+    return found
+
+
 def locate_segments(key_times: Tensor, times: Tensor) -> Segments:
     """Segments of K >= 2 rising key times (K,) in which times (T,) fall; outside the keys the share is 0 or 1.
 
@@ -103,6 +117,7 @@ def interpolate_pose(
     *,
     smooth: Smoothness = 0.0,
     glide: Glide | None = None,
+    whole_turns: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Poses at any times from poses at keys.
 
@@ -115,6 +130,9 @@ def interpolate_pose(
         smooth: 0 is slerp and lerp, 1 the C1 cubic through the keys, between them the tangents are blended; a number,
             (K-1,) with one for each segment, or such of rotations and of places, as `damped_smoothness` gives.
         glide: how to go on before the first and after the last key; None holds them.
+        whole_turns: (J,) bool, or (K-1, J) with one for each segment: joints that may turn right round between two
+            keys where the velocities at the keys ask for it, which are the pelvis and the joints above it
+            (`pelvis_and_above`). None: no joint may.
 
     Returns: local (T, J, 4) sign-continuous in rising time, roots (T, 3), offsets (T, J, 3) (or (J, 3) as given).
     Raises: UsageError where there is no key or the key times do not rise.
@@ -127,7 +145,7 @@ def interpolate_pose(
     segments = Segments(*(onto(part, local.device) for part in locate_segments(key_times, times)))
     lengths = onto(key_times.double().diff().float(), local.device)
     turns, places = smooth if isinstance(smooth, Smoothing) else (smooth, smooth)
-    local_out = _rotation_curve(continuous_signs(local), lengths, segments, turns)
+    local_out = _rotation_curve(continuous_signs(local), lengths, segments, turns, whole_turns)
     roots_out = _position_curve(roots, lengths, segments, places)
     offsets_out = _position_curve(offsets, lengths, segments, places) if varying else offsets
     if glide is not None and any(glide):
@@ -228,7 +246,9 @@ def _position_curve(values: Tensor, lengths: Tensor, segments: Segments, smooth:
     return straight + h[first] * (bend_in * (start - slopes)[first] - bend_out * (end - slopes)[first])
 
 
-def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: float | Tensor) -> Tensor:
+def _rotation_curve(
+    keys: Tensor, lengths: Tensor, segments: Segments, smooth: float | Tensor, whole_turns: Tensor | None
+) -> Tensor:
     first, share = segments.first, segments.share.view(-1, *[1] * (keys.dim() - 2), 1)
     turns = roma.quat_product(roma.quat_conjugation(keys[:-1]), keys[1:])
     # The shorter way round; the sign continuity of the keys has chosen it already except for float rounding.
@@ -239,7 +259,7 @@ def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: f
     else:
         h = lengths.view(-1, *[1] * (keys.dim() - 1))
         start, end = _tangents(steps / h, lengths, smooth)
-        outward, inward = start * h / 3, end * h / 3
+        outward, inward = _towards_slerp(start * h / 3, end * h / 3, steps, whole_turns)
         middle = roma.unitquat_to_rotvec(
             roma.quat_product(
                 roma.quat_product(roma.rotvec_to_unitquat(-outward), turns), roma.rotvec_to_unitquat(-inward)
@@ -251,3 +271,30 @@ def _rotation_curve(keys: Tensor, lengths: Tensor, segments: Segments, smooth: f
             curve = roma.quat_product(curve, roma.rotvec_to_unitquat(rest * part[first]))
     at_key = torch.where(share == 0, keys[first], curve)  # keys come back exactly, free of rounding
     return torch.where(share == 1, keys[first + 1], at_key)
+
+
+def _towards_slerp(
+    outward: Tensor, inward: Tensor, steps: Tensor, whole_turns: Tensor | None
+) -> tuple[Tensor, Tensor]:
+    """Control turns of each segment for which the middle one is at most `MOST_MIDDLE_RAD`.
+
+    Slerp's three control turns are each a third of the step. Where the outer two differ from it by a and b, the
+    middle one is at most |step| / 3 + |a| + |b|. Where that is too much, a and b are shortened by one factor, so that
+    of a turn about one axis the curve's distance from slerp shrinks by that factor everywhere.
+
+    Args:
+        outward, inward: (K-1, J, 3) rotation vectors after the first and before the second key, radians.
+        steps: (K-1, J, 3) from key to key, at most a half turn each.
+        whole_turns: as `interpolate_pose` takes it; of these joints nothing is changed.
+    """
+    third = steps / 3
+    away = (outward - third).norm(dim=-1, keepdim=True) + (inward - third).norm(dim=-1, keepdim=True)
+    room = MOST_MIDDLE_RAD - third.norm(dim=-1, keepdim=True)
+    too_much = away > room
+    if whole_turns is not None:
+        too_much = too_much & ~onto(whole_turns, steps.device).unsqueeze(-1)
+    share = room / away.clamp_min(1e-9)
+    return (
+        torch.where(too_much, third + share * (outward - third), outward),
+        torch.where(too_much, third + share * (inward - third), inward),
+    )

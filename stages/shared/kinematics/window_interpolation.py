@@ -36,7 +36,8 @@ def interpolate_windows(
 
     Args:
         heads: (B, T, J, 3) metres. rotations: (B, T, J, 4) global, xyzw.
-        parents: (B, J), -1 for roots and unused bones, parents before children.
+        parents: (B, J), -1 for the pelvis, which comes first, and for unused bones; parents before children. The
+            pelvis alone may turn right round between two keys.
         known: (B, T) on the CPU, at least one True in every row; other frames are not read.
         rate_hz: frames in a second; used by the damping of long gaps (`damped_smoothness`).
         glide: how to continue before the first and after the last key, in frames; None holds them.
@@ -57,7 +58,10 @@ def interpolate_windows(
     key_heads = heads[window, source]
     local, offsets = _in_parents(key_heads, rotations[window, source], index[window], has_parent[window])
 
-    local, _, offsets = interpolate_pose(local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth)
+    whole_turns = torch.arange(bones) == 0
+    local, _, offsets = interpolate_pose(
+        local, key_heads[:, 0], offsets, key_times, times.flatten(), smooth=smooth, whole_turns=whole_turns
+    )
     local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
     if glide is not None and any(glide):
         row, at, edge, inner = (onto(part, device) for part in _beyond_keys(known))

@@ -15,7 +15,12 @@ from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
-from stages.shared.kinematics.plain_interpolation import Glide, Smoothness, interpolate_pose
+from stages.shared.kinematics.plain_interpolation import (
+    Glide,
+    Smoothness,
+    interpolate_pose,
+    pelvis_and_above,
+)
 from stages.shared.kinematics.rotations import signs_after_given
 
 
@@ -118,7 +123,9 @@ class SkeletonPose:
     ) -> SkeletonPose:
         """The plain interpolation of this pose's frames, used as keys, at other times; `glide` sets how it continues
         beyond the keys, in their unit."""
-        return self.with_local(*interpolate_pose(*self.parts, key_times, times, smooth=smooth, glide=glide))
+        whole_turns = pelvis_and_above(self.skeleton.parents, self.skeleton.root)
+        made = interpolate_pose(*self.parts, key_times, times, smooth=smooth, glide=glide, whole_turns=whole_turns)
+        return self.with_local(*made)
 
     def corrected(self, turns: Tensor, shifts: Tensor) -> SkeletonPose:
         """Every joint turned in its own frame and the pelvis shifted in the world.

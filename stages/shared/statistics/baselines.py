@@ -25,7 +25,12 @@ from stages.shared.kinematics.forward import (
     local_rotations,
     offsets_over_time,
 )
-from stages.shared.kinematics.plain_interpolation import Smoothness, damped_smoothness, interpolate_pose
+from stages.shared.kinematics.plain_interpolation import (
+    Smoothness,
+    damped_smoothness,
+    interpolate_pose,
+    pelvis_and_above,
+)
 from stages.shared.kinematics.rotations import continuous_signs, turns_between
 
 
@@ -34,7 +39,7 @@ class Poses:
     """B windows of T frames on one skeleton, float32.
 
     rotations: (B, T, J, 4) global; roots: (B, T, 3) of joint 0; offsets: (B, T, J, 3); parents: (J,);
-    positions: (B, T, J, 3), the joints in the world.
+    positions: (B, T, J, 3), the joints in the world; pelvis: its joint.
     """
 
     rotations: Tensor
@@ -42,6 +47,7 @@ class Poses:
     offsets: Tensor
     positions: Tensor
     parents: np.ndarray
+    pelvis: int = 0
 
     @classmethod
     def of(cls, skeleton: Skeleton, motions: list[Motion]) -> Poses:
@@ -49,12 +55,14 @@ class Poses:
         rotations = torch.stack([torch.as_tensor(m.rotations) for m in motions])
         roots = torch.stack([torch.as_tensor(m.root_positions) for m in motions])
         steady = [offsets_over_time(skeleton, m).expand(m.frames, -1, 3) for m in motions]
-        return cls.from_joints(rotations, roots, torch.stack(steady), skeleton.parents)
+        return cls.from_joints(rotations, roots, torch.stack(steady), skeleton.parents, skeleton.root)
 
     @classmethod
-    def from_joints(cls, rotations: Tensor, roots: Tensor, offsets: Tensor, parents: np.ndarray) -> Poses:
+    def from_joints(
+        cls, rotations: Tensor, roots: Tensor, offsets: Tensor, parents: np.ndarray, pelvis: int = 0
+    ) -> Poses:
         """Poses from global rotations, with positions by forward kinematics."""
-        return cls(rotations, roots, offsets, joint_positions(rotations, roots, offsets, parents), parents)
+        return cls(rotations, roots, offsets, joint_positions(rotations, roots, offsets, parents), parents, pelvis)
 
     def local(self) -> Tensor:
         """(B, T, J, 4) rotations in the parents' frames."""
@@ -135,7 +143,10 @@ def _interpolated(poses: Poses, known: np.ndarray, smooth: Smoothness) -> Filled
     offsets = _windows_as_joints(torch.cat([poses.offsets[:, keys], poses.roots[:, keys, None]], dim=2))
     key_times = torch.as_tensor(keys, dtype=torch.float64)
     times = torch.arange(frames, dtype=torch.float64)
-    local, _, offsets = interpolate_pose(local, offsets[:, 0], offsets, key_times, times, smooth=smooth)
+    whole_turns = pelvis_and_above(poses.parents, poses.pelvis).repeat(batch)
+    local, _, offsets = interpolate_pose(
+        local, offsets[:, 0], offsets, key_times, times, smooth=smooth, whole_turns=whole_turns
+    )
     offsets = offsets.reshape(frames, batch, joints + 1, 3).transpose(0, 1)
     rotations = global_rotations(local.reshape(frames, batch, joints, 4).transpose(0, 1), poses.parents)
     return _arrays(Poses.from_joints(rotations, offsets[:, :, -1], offsets[:, :, :-1], poses.parents))

@@ -59,8 +59,8 @@ def test_all_at_once_equals_one_by_one(seed: int, order: str, frames: int, every
     near[::every] = angles[::every] + rng.normal(0, 3, angles[::every].shape)
     guided = np.isfinite(near).all(axis=1)
     first, locked = euler._tait_bryan(rotations, order)
-    pair = np.stack([first, euler._other_triple(first)])
-    slow = euler._one_by_one(pair, near, guided, locked, euler._parity(order))
+    pair = np.stack([first, euler.other_triple(first)])
+    slow = euler._one_by_one(pair, near, guided, locked, euler.parity_of(order))
     assert np.allclose(euler.angles_near(rotations, order, near), slow, atol=1e-9)
 
 
