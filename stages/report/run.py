@@ -11,14 +11,13 @@ from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
-from data_schemas.whole_file import write_whole
 from stages.report.config import Config
 from stages.report.curves import curves_html
 from stages.report.results import results_html
 from stages.report.scenes import scenes_of
 from stages.report.strips import strips_svg
 from stages.shared.contract import StageReport
-from stages.shared.outputs import check_file
+from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
 ASSETS = Path(__file__).resolve().parent / "assets"
@@ -58,11 +57,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
     progress.advance(1, "page")
     drawn = _picture(scenes, config) if config.picture else ""
-    write_whole(config.output, page.encode("utf-8"))
+    write_output(config.output, page.encode("utf-8"))
     size_kb = len(page.encode()) // 1024
     lines = [f"Report: {config.output} ({size_kb} kB, {len(scenes)} scene{'s' if len(scenes) != 1 else ''})."]
     if config.picture:
-        write_whole(config.picture, drawn.encode("utf-8"))
+        write_output(config.picture, drawn.encode("utf-8"))
         lines.append(f"Picture: {config.picture} ({len(drawn.encode()) // 1024} kB).")
     return StageReport(
         output=config.output,
