@@ -1,7 +1,7 @@
 """File names made from names that a file or an archive holds, such as a clip's.
 
-Every name that becomes a part of a path goes through `FileNames`: the result is one plain part that cannot lead out of
-its folder, and that Linux, macOS and Windows all take.
+Every name that becomes a part of a path goes through `FileNames`: the result is one plain part that cannot lead out
+of its folder, and that Linux, macOS and Windows all take.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class FileNames:
 
     A name that can be a file's stays as it is. In any other, characters that cannot stand in it become `_`, and eight
     hexadecimal digits of the name's SHA-256 follow, so that names that differ only there stay apart. They follow too
-    where an earlier name differs by upper and lower case, or by how accents are encoded, alone: many file systems take
-    the two for one.
+    where an earlier name differs by upper and lower case, or by how accents are encoded, alone: many file systems
+    take the two for one.
     """
 
     def __init__(self) -> None:

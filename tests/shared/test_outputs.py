@@ -119,7 +119,7 @@ def test_a_part_of_an_artefact_that_is_read_is_not_replaced(tmp_path: Path) -> N
     (part,) = place.glob("data-*/metrics.parquet")
     for given in (place, place.parent):
         for path in (part, place / "manifest.json"):
-            with pytest.raises(UsageError, match="is a part of .*given as weights, and must not be replaced"):
+            with pytest.raises(UsageError, match=r"is a part of .*given as weights, and must not be replaced"):
                 check_file(Settings(output=path, weights=given, overwrite=True))
     (place / "page.html").write_bytes(b"the user's own file beside it")
     check_file(Settings(output=place / "page.html", weights=place, overwrite=True))
