@@ -5,6 +5,7 @@ Imports nothing that is slow, since it is needed before anything else is importe
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import signal
@@ -47,7 +48,7 @@ def say_aside(text: str) -> None:
 def write_any_text() -> None:
     """Let stdout and stderr write characters that their encoding lacks as codes."""
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
