@@ -67,18 +67,18 @@ def save(motion: Motion, path: PathLike, *, overwrite: bool = False) -> tuple[st
     Raises: UsageError for a file that exists or a suffix that pumps does not write; InputError for a BVH of a
         skeleton that has no header.
     """
-    from data_schemas.whole_file import write_whole
     from stages.shared.formats.writers import bytes_of_motion, written_format
+    from stages.shared.outputs import write_output
 
     target = Path(path)
     chosen = written_format(target)
-    if target.exists() and not overwrite:
+    if os.path.lexists(target) and not overwrite:
         raise UsageError(f"{target} exists.", "Give overwrite=True to replace it.")
     if chosen == "bvh" and motion.source:
         data, notes = motion.source, []
     else:
         data, notes = bytes_of_motion(chosen, motion.skeleton, motion.record, motion.name, licence=motion.licence)
-    write_whole(target, data)
+    write_output(target, data)
     return tuple(notes)
 
 

@@ -12,6 +12,7 @@ import typer
 
 from data_schemas.version import PUMPS_VERSION
 from pumps_cli.help_page import HelpCommand, HelpGroup
+from pumps_cli.terminal import say_aside, write_any_text
 from stages.registry import GROUP_SUMMARIES, OLD_NAMES, OLD_WORDS, PANELS, STAGES, stage_named
 from stages.shared.threads import let_waiting_threads_sleep
 
@@ -30,6 +31,7 @@ _TOOLS = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `pumps` with these arguments (default: the shell's). Leaves by SystemExit with the exit code."""
+    write_any_text()
     given = list(sys.argv[1:] if arguments is None else arguments)
     given = _today(given)
     completing = "_PUMPS_COMPLETE" in os.environ  # the shell asks for completions
@@ -56,7 +58,7 @@ def _today(given: list[str]) -> list[str]:
         return given
     words = stage_named(OLD_NAMES[given[at]]).command
     new = " ".join(words)
-    print(f"`pumps {given[at]}` is now `pumps {new}`; the old word goes in the next version.", file=sys.stderr)
+    say_aside(f"`pumps {given[at]}` is now `pumps {new}`; the old word goes in the next version.")
     return [*given[:at], *words, *given[at + 1 :]]
 
 

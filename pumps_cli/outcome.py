@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING
 import typer
 
 from data_schemas.errors import PumpsError
+from pumps_cli.terminal import COULD_NOT, INTERRUPTED, NO_READER, interrupts_raised, say, say_aside, visible
 
 if TYPE_CHECKING:
     from stages.shared.contract import StageReport
 
-COULD_NOT = 1
 # What a line is about -> its style on a terminal: left limbs green and cyan, right limbs red and yellow.
 TINTS = {
     "spine": "bold", "left_arm": "green", "right_arm": "red", "left_leg": "cyan", "right_leg": "yellow",
     "faint": "dim", "problem": "bold magenta",
 }  # fmt: skip
-INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
@@ -38,9 +37,10 @@ class Manner:
 
 @contextmanager
 def errors_reported(manner: Manner, command: str) -> Iterator[None]:
-    """Turn every error inside into one sentence on stderr and an exit code (1, 2, 3; 130 when interrupted)."""
+    """Turn every error inside into one sentence on stderr and an exit code (1, 2, 3; 130 when interrupted;
+    141 when nobody reads its output)."""
     try:
-        with warnings.catch_warnings():
+        with interrupts_raised(), warnings.catch_warnings():
             if not manner.debug:
                 warnings.simplefilter("ignore")  # libraries' warnings for programmers
             yield
@@ -48,8 +48,10 @@ def errors_reported(manner: Manner, command: str) -> Iterator[None]:
         _fail(manner, error.message, error.hint, error.exit_code)
     except KeyboardInterrupt:
         _fail(manner, f"`{command}` was interrupted.", "What was finished is kept.", INTERRUPTED)
-    except (typer.Exit, BrokenPipeError):
+    except typer.Exit:
         raise
+    except BrokenPipeError:
+        raise typer.Exit(NO_READER) from None  # who read the output has read enough
     except OSError as error:
         where = f" ({error.filename})" if error.filename else ""
         _fail(manner, f"`{command}` could not go on: {error.strerror or error}{where}.", None, COULD_NOT)
@@ -62,12 +64,16 @@ def errors_reported(manner: Manner, command: str) -> Iterator[None]:
 
 def _fail(manner: Manner, message: str, hint: str | None, code: int) -> None:
     if manner.debug:
-        traceback.print_exc()
-    if manner.json:
-        print(json.dumps({"error": message, "hint": hint, "exit_code": code}))
-    else:
-        between = "\n" if "\n" in message else " "  # after a list of faults, a line of its own
-        print(f"pumps: {message}" + (f"{between}{hint}" if hint else ""), file=sys.stderr)
+        say_aside(traceback.format_exc())
+    between = "\n" if "\n" in message else " "  # after a list of faults, a line of its own
+    sentence = f"pumps: {message}" + (f"{between}{hint}" if hint else "")
+    try:
+        if manner.json:
+            say(json.dumps({"error": message, "hint": hint, "exit_code": code}))
+        else:
+            say_aside(sentence)
+    except OSError:  # stdout is closed or full
+        say_aside(sentence)
     raise typer.Exit(code)
 
 
@@ -85,13 +91,13 @@ def _print_tinted(report: StageReport) -> None:
 
     console = Console(highlight=False, soft_wrap=True)  # follows NO_COLOR and dumb terminals
     for index, line in enumerate(report.lines):
-        console.print(Text(line, style=TINTS.get(report.tints.get(index, ""), "")))
+        console.print(Text(visible(line, one_line=True), style=TINTS.get(report.tints.get(index, ""), "")))
 
 
 def show(manner: Manner, lines: Callable[[], list[str]], data: Callable[[], object]) -> None:
-    """Print lines, JSON or nothing, as `manner` says."""
+    """Print lines, JSON or nothing, as `manner` says. A line end inside a line is a name's, and written as a code."""
     if manner.json:
-        print(json.dumps(data()))
+        say(json.dumps(data()))
     elif not manner.quiet:
         for line in lines():
-            print(line)
+            say(line, one_line=True)

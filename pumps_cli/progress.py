@@ -6,6 +6,8 @@ import sys
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from pumps_cli.terminal import say_aside, visible
+
 if TYPE_CHECKING:
     from rich.progress import Progress as RichBars
 
@@ -38,21 +40,21 @@ class TerminalProgress:
             self._bars.start()
         elif self._task is not None:
             self._bars.remove_task(self._task)  # type: ignore[arg-type]
-        self._task = self._bars.add_task(label, total=total, note="")
+        self._task = self._bars.add_task(visible(label, one_line=True), total=total, note="")
 
     def advance(self, steps: float = 1, note: str = "") -> None:
         """Move the bar."""
         if self._bars is not None and self._task is not None:
-            self._bars.update(self._task, advance=steps, note=note)  # type: ignore[arg-type]
+            self._bars.update(self._task, advance=steps, note=visible(note, one_line=True))  # type: ignore[arg-type]
 
     def message(self, text: str) -> None:
         """A line that stays; it does not tear the bar."""
         if self._quiet:
             return
         if self._bars is not None:
-            self._bars.console.print(text, markup=False, highlight=False)
+            self._bars.console.print(visible(text), markup=False, highlight=False)
         else:
-            print(text, file=sys.stderr, flush=True)
+            say_aside(text)
 
 
 def _bars() -> RichBars:

@@ -50,7 +50,7 @@ def verify_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = 
         problems = verify(path)
         files = len(open_artefact(path).manifest.files)
         verdict = problems or [f"{files} files are as they were written."]
-        lines = [_plain(f"{path}: {sentence}") for sentence in verdict]
+        lines = [f"{path}: {sentence}" for sentence in verdict]
         show(manner, lambda: lines, lambda: {"path": str(path), "problems": problems})
         if problems:
             raise typer.Exit(BAD_INPUT)
@@ -88,16 +88,16 @@ def merge(
         rows = merge_artefacts(paths, output)
         figures = {"clips": len(rows), "frames": sum(row.frames for row in rows), "output": str(output)}
         line = f"{output}: {len(rows)} clips, {figures['frames']} frames of {len(paths)} artefacts."
-        show(manner, lambda: [_plain(line)], lambda: figures)
+        show(manner, lambda: [line], lambda: figures)
 
 
 def _description(artefact: Artefact) -> Iterator[str]:
     from data_schemas.kinds import KINDS
 
     manifest = artefact.manifest
-    yield _plain(f"{artefact.path}: {manifest.kind}, version {manifest.schema_version} ({KINDS[manifest.kind].what})")
-    yield _plain(f"  made by   {manifest.stage} ({manifest.created_by})")
-    yield _plain(f"  digest    {manifest.digest}")
+    yield f"{artefact.path}: {manifest.kind}, version {manifest.schema_version} ({KINDS[manifest.kind].what})"
+    yield f"  made by   {manifest.stage} ({manifest.created_by})"
+    yield f"  digest    {manifest.digest}"
     for title, items in (
         ("licences", manifest.licences),
         ("inputs", [f"{item.path} ({item.kind} {item.digest[:12]})" for item in manifest.inputs]),
@@ -107,7 +107,7 @@ def _description(artefact: Artefact) -> Iterator[str]:
     ):
         yield f"  {title}" if items else f"  {title:<9} none"
         for item in items:
-            yield _plain(f"    {item}")
+            yield f"    {item}"
 
 
 def _drawing(node: LineageNode) -> Iterator[str]:
@@ -118,7 +118,7 @@ def _drawing(node: LineageNode) -> Iterator[str]:
         key = (node.path.resolve() if node.state != "missing" else node.path, node.digest)
         known = bool(node.inputs) and key in followed
         followed.add(key)
-        yield _plain(first + _node_text(node) + (" (see above)" if known else ""))
+        yield first + _node_text(node) + (" (see above)" if known else "")
         inputs = () if known else node.inputs
         for index, item in enumerate(inputs):
             last = index == len(inputs) - 1
@@ -164,11 +164,6 @@ def _as_data(node: LineageNode) -> dict[str, Any]:
 def _short(value: object) -> str:
     text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= _WIDEST_VALUE else f"{text[:_WIDEST_VALUE]}... (--json shows all)"
-
-
-def _plain(text: str) -> str:
-    """`text` without the control characters that a made-up manifest could send to the terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def _size(size: float) -> str:

@@ -26,11 +26,9 @@ _Presets = Annotated[list[str], typer.Option("--preset", metavar="NAME", help="A
 @app.command("list", cls=HelpCommand, epilog="Example: pumps config list")
 def list_presets(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the presets."""
-    show(
-        Manner(quiet=quiet, json=as_json),
-        lambda: [_headline(name, preset_path(name)) for name in preset_names()],
-        preset_names,
-    )
+    manner = Manner(quiet=quiet, json=as_json)
+    with errors_reported(manner, "pumps config list"):
+        show(manner, lambda: [_headline(name, preset_path(name)) for name in preset_names()], preset_names)
 
 
 @app.command("show", cls=HelpCommand, epilog="Example: pumps config show --preset tiny --stage train-ae")
@@ -53,14 +51,15 @@ def show_preset(
             for each in PIPELINE
             if stage is None or OLD_NAMES.get(stage, stage) == each.name
         }
-        show(manner, lambda: [toml_text(tables).strip()], lambda: tables)
+        show(manner, toml_text(tables).strip().splitlines, lambda: tables)
 
 
 @app.command("recipes", cls=HelpCommand, epilog="Example: pumps config recipes")
 def list_recipes(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the recipes of tables and of pretraining."""
-    lines = lambda: [_headline(name, recipe_path(name)) for name in recipe_names()]  # noqa: E731
-    show(Manner(quiet=quiet, json=as_json), lines, recipe_names)
+    manner = Manner(quiet=quiet, json=as_json)
+    with errors_reported(manner, "pumps config recipes"):
+        show(manner, lambda: [_headline(name, recipe_path(name)) for name in recipe_names()], recipe_names)
 
 
 @app.command(

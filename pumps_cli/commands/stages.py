@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pumps_cli.outcome import Manner, show
+from pumps_cli.outcome import Manner, errors_reported, show
 from pumps_cli.stage_command import AsJson, Quiet
 from stages.registry import STAGES, Stage
 
@@ -11,7 +11,9 @@ EXAMPLE = "Example: pumps stages"
 
 def command(quiet: Quiet = False, as_json: AsJson = False) -> None:
     """List the stages in order, with what each reads and writes."""
-    show(Manner(quiet=quiet, json=as_json), _table, lambda: [_plain(stage) for stage in STAGES])
+    manner = Manner(quiet=quiet, json=as_json)
+    with errors_reported(manner, "pumps stages"):
+        show(manner, _table, lambda: [_plain(stage) for stage in STAGES])
 
 
 def _table() -> list[str]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from data_schemas.errors import InputError, UsageError
-from data_schemas.whole_file import write_whole
 from stages.export.clips import Clip, clips_of, names_of
 from stages.export.config import Config
 from stages.export.other_rig import bvh_on_rig
 from stages.shared.contract import StageReport
+from stages.shared.file_names import FileNames
 from stages.shared.formats.robot_rig import robot_named
 from stages.shared.formats.robot_write import csv_of_rows, notes_of_rows, rows_of_motion
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
-from stages.shared.outputs import check_file, check_written
+from stages.shared.outputs import check_file, check_replaceable, check_written, write_output
 from stages.shared.progress import SILENT, Progress
 
 _SUFFIXES = {**SUFFIXES, "robot-csv": ".csv"}
@@ -28,21 +28,34 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     into_folder = config.output.is_dir() or not config.output.suffix
     kind = _kind_of(config, into_folder)
     names = names_of(config)
+    files = FileNames()
+
+    def path_of(name: str) -> Path:
+        return config.output / f"{files.of(name)}{_SUFFIXES[kind]}" if into_folder else config.output
+
+    def check(path: Path) -> None:
+        check_written(config, path)
+        models = config.body_models.iterdir() if config.body_models and config.body_models.is_dir() else ()
+        check_replaceable(path, config.overwrite, [("body-models", each) for each in models])
+
     if not into_folder:
         check_file(config)
+        check(config.output)
     for name in names or ():
-        check_written(config, _path_of(name, kind, config, into_folder))
+        check(path_of(name))
     progress.start("Writing clips", len(names) if names else None)
     written: list[Path] = []
     notes: list[str] = []
     for clip in clips_of(config):
         if not into_folder and written:
             raise UsageError(f"{config.input} holds several clips.", "Name one with --clip, or a folder to write to.")
-        path = _path_of(clip.name, kind, config, into_folder)
-        check_written(config, path)
+        path = path_of(clip.name)
+        check(path)
         data, remarks = _data_of(clip, kind, config)
-        write_whole(path, data)
+        write_output(path, data)
         written.append(path)
+        if into_folder and path.name != f"{clip.name}{_SUFFIXES[kind]}":
+            remarks = [*remarks, f"Its file is {path.name}: the clip's name cannot be a file's here."]
         notes += [f"{clip.name}: {note}" for note in (*clip.notes, *remarks)]
         progress.advance(1, clip.name)
     if not written:
@@ -53,10 +66,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         lines=[f"wrote {where}", *dict.fromkeys(notes)],
         figures={"format": kind, "files": [str(path) for path in written], "notes": notes},
     )
-
-
-def _path_of(name: str, kind: str, config: Config, into_folder: bool) -> Path:
-    return config.output / f"{name}{_SUFFIXES[kind]}" if into_folder else config.output
 
 
 def _kind_of(config: Config, into_folder: bool) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
-from data_schemas.whole_file import write_whole
 from stages.infill.config import Config
 from stages.infill.gap_speed import sentences_of_speed
 from stages.infill.request import Request, request_of
@@ -26,7 +25,7 @@ from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.kinematics.conventions import MODEL_FPS
-from stages.shared.outputs import check_file
+from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
 
@@ -53,7 +52,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     made = fill_file(file, config, models)
     progress.advance(note="filled")
     data, losses = _in_format_of(config.output, file, made)
-    write_whole(config.output, data)
+    write_output(config.output, data)
     progress.advance(note="written")
     return _report(config, made, models, losses, time.perf_counter() - started)
 

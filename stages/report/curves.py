@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+from stages.shared.markup import Markup, markup
 
 WIDTH, HEIGHT = 400, 210
 LEFT, RIGHT, TOP, BOTTOM = 52, 12, 10, 28
@@ -16,7 +17,7 @@ SMOOTH_POINTS = 120  # training values are averaged into about so many points
 Point = tuple[float, float]
 
 
-def curves_html(log: Sequence[Mapping[str, Any]]) -> str:
+def curves_html(log: Sequence[Mapping[str, Any]]) -> Markup:
     """One small chart for each figure of the log: training thin, validation thick."""
     names = [name for row in log for name, value in row.items() if name not in NO_CURVE and _is_number(value)]
     charts = []
@@ -24,7 +25,9 @@ def curves_html(log: Sequence[Mapping[str, Any]]) -> str:
         series = {split: _points(log, name, split) for split in ("train", "val")}
         if any(len(points) > 1 for points in series.values()):
             charts.append(_chart(name, series))
-    return f'<div class="curves">{"".join(charts)}</div>' if charts else "<p>Its log holds no curves.</p>"
+    if not charts:
+        return markup("<p>Its log holds no curves.</p>")
+    return markup('<div class="curves">{}</div>', charts)
 
 
 def _is_number(value: object) -> bool:
@@ -46,7 +49,7 @@ def _averaged(points: list[Point]) -> list[Point]:
     return [(sum(x for x, _ in g) / len(g), sum(y for _, y in g) / len(g)) for g in groups]
 
 
-def _chart(name: str, series: Mapping[str, list[Point]]) -> str:
+def _chart(name: str, series: Mapping[str, list[Point]]) -> Markup:
     everything = [point for points in series.values() for point in points]
     x_last = max(x for x, _ in everything) or 1
     low, high = min(y for _, y in everything), max(y for _, y in everything)
@@ -61,27 +64,29 @@ def _chart(name: str, series: Mapping[str, list[Point]]) -> str:
     parts = []
     for tick in ticks:
         y = place(0, tick)[1]
-        parts.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{tick:.4g}</text>')
+        parts += [
+            markup('<line class="grid" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/>', LEFT, WIDTH - RIGHT, y, y),
+            markup('<text x="{}" y="{:.1f}" text-anchor="end">{:.4g}</text>', LEFT - 6, y + 4, tick),
+        ]
     for tick in _even_ticks(0, x_last, 4):
         if tick <= x_last:
             x = place(tick, low)[0]
-            parts.append(f'<text x="{x:.1f}" y="{HEIGHT - 10}" text-anchor="middle">{tick:,.0f}</text>')
+            parts.append(markup('<text x="{:.1f}" y="{}" text-anchor="middle">{:,.0f}</text>', x, HEIGHT - 10, tick))
     for split, points in series.items():
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in (place(*point) for point in points))
         if points:
-            parts.append(f'<polyline class="{split}" points="{path}"/>')
+            parts.append(markup('<polyline class="{}" points="{}"/>', split, path))
     last = series["val"][-1] if series["val"] else None
     note = ""
     if last:
         x, y = place(*last)
-        parts.append(f'<circle class="val-dot" cx="{x:.1f}" cy="{y:.1f}" r="3"/>')
-        note = f" <small>validation ends at {last[1]:.4g}</small>"
-    label = html.escape(name.replace("_", " "))
-    return (
-        f'<figure><figcaption>{label}{note}</figcaption><svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
-        f'aria-label="{label} over steps">{"".join(parts)}</svg></figure>'
-    )
+        parts.append(markup('<circle class="val-dot" cx="{:.1f}" cy="{:.1f}" r="3"/>', x, y))
+        note = markup(" <small>validation ends at {:.4g}</small>", last[1])
+    return markup(
+        '<figure><figcaption>{label}{note}</figcaption><svg viewBox="0 0 {width} {height}" role="img" '
+        'aria-label="{label} over steps">{parts}</svg></figure>',
+        label=name.replace("_", " "), note=note, width=WIDTH, height=HEIGHT, parts=parts,
+    )  # fmt: skip
 
 
 def _even_ticks(low: float, high: float, count: int = 4) -> list[float]:

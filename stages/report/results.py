@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from data_schemas.damaged_files import reading
 from data_schemas.manifest import MANIFEST_NAME, Artefact
 from data_schemas.metrics import MetricRow, read_metrics
+from stages.shared.markup import Markup, joined, markup
 from stages.shared.statistics import feel_tables, pop_tables, tables
 from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.method_notes import MethodFacts, Sentence, borrowed_note, method_notes
@@ -17,7 +17,7 @@ from stages.shared.statistics.table import Entry, Table
 from stages.shared.statistics.tables import Cell, Key
 
 
-def results_html(artefact: Artefact) -> str:
+def results_html(artefact: Artefact) -> Markup:
     """The section: what was measured, the overview, and for each archive its tables, folded except for the last.
 
     Raises: InputError where the artefact is damaged.
@@ -28,44 +28,43 @@ def results_html(artefact: Artefact) -> str:
         facts = MethodFacts.model_validate(manifest.summary)
     seed = manifest.config.get("seed", 0)
     found = tables.cells(rows, seed if isinstance(seed, int) else 0)
-    notes = "".join(f"<li>{_sentence(note)}</li>" for note in method_notes(facts))
+    notes = joined(markup("<li>{}</li>", _sentence(note)) for note in method_notes(facts))
     parts = [
-        f"<p>{html.escape(_measured(rows, manifest.stage))}</p>",
-        f"<ul>{notes}</ul>" if notes else "",
+        markup("<p>{}</p>", _measured(rows, manifest.stage)),
+        markup("<ul>{}</ul>", notes) if notes else "",
         _paragraph(borrowed_note(facts)),
         *_overviews(found),
         *_scopes(found, rows),
-        f"<details><summary>Settings</summary>{_settings(manifest.config)}</details>",
+        markup("<details><summary>Settings</summary>{}</details>", _settings(manifest.config)),
     ]
-    return f'<section id="results"><h2>Results</h2>{"".join(parts)}</section>'
+    return markup('<section id="results"><h2>Results</h2>{}</section>', parts)
 
 
-def table_html(table: Table) -> str:
+def table_html(table: Table) -> Markup:
     """A table that scrolls sideways; a rule stands above each row that begins a group."""
-    heads = [f"<th>{html.escape(text)}</th>" for text in table.labels]
-    heads += [f'<th class="number">{html.escape(text)}</th>' for text in table.columns]
-    rows = [f"<tr>{''.join(heads)}</tr>"]
+    heads = [markup("<th>{}</th>", text) for text in table.labels]
+    heads += [markup('<th class="number">{}</th>', text) for text in table.columns]
+    rows = [markup("<tr>{}</tr>", heads)]
     for number, row in enumerate(table.rows):
-        cells = [f"<td>{html.escape(text)}</td>" for text in row.labels]
-        cells += [f'<td class="number">{_entry(entry)}</td>' for entry in row.entries]
-        group = ' class="group"' if number > 0 and row.labels[0] else ""
-        rows.append(f"<tr{group}>{''.join(cells)}</tr>")
-    return f'<div class="scroll"><table>{"".join(rows)}</table></div>'
+        cells = [markup("<td>{}</td>", text) for text in row.labels]
+        cells += [markup('<td class="number">{}</td>', _entry(entry)) for entry in row.entries]
+        begins = number > 0 and row.labels[0]
+        rows.append(markup('<tr class="group">{}</tr>', cells) if begins else markup("<tr>{}</tr>", cells))
+    return markup('<div class="scroll"><table>{}</table></div>', rows)
 
 
-def _entry(entry: Entry) -> str:
+def _entry(entry: Entry) -> Markup:
     """Value, interval in small letters, ratio in the colour of its verdict."""
-    parts = [html.escape(entry.value)]
+    parts: list[Markup | str] = [entry.value]
     if entry.span:
-        parts.append(f"<small>{html.escape(entry.span)}</small>")
+        parts.append(markup("<small>{}</small>", entry.span))
     if entry.ratio:
-        parts.append(f'<span class="{entry.verdict}">{html.escape(entry.ratio)}</span>')
-    return " ".join(part for part in parts if part)
+        parts.append(markup('<span class="{}">{}</span>', entry.verdict, entry.ratio))
+    return joined((part for part in parts if part), " ")
 
 
-def _sentence(sentence: Sentence) -> str:
-    texts = ((html.escape(part.text, quote=False), part.is_name) for part in sentence)
-    return "".join(f"<code>{text}</code>" if is_name else text for text, is_name in texts)
+def _sentence(sentence: Sentence) -> Markup:
+    return joined(markup("<code>{}</code>", part.text) if part.is_name else part.text for part in sentence)
 
 
 def _measured(rows: list[MetricRow], stage: str) -> str:
@@ -75,13 +74,13 @@ def _measured(rows: list[MetricRow], stage: str) -> str:
     return f"{clips} on {skeletons}, measured by {stage}. Methods: {', '.join(methods)}."
 
 
-def _overviews(found: Mapping[Key, Cell]) -> Iterator[str]:
+def _overviews(found: Mapping[Key, Cell]) -> Iterator[Markup]:
     for caption, table in tables.overview_tables(dict(found)):
         if table.rows:
-            yield f"<p>{html.escape(caption)}:</p>{table_html(table)}"
+            yield markup("<p>{}:</p>{}", caption, table_html(table))
 
 
-def _scopes(found: dict[Key, Cell], rows: list[MetricRow]) -> Iterator[str]:
+def _scopes(found: dict[Key, Cell], rows: list[MetricRow]) -> Iterator[Markup | str]:
     """The legends, then for each archive, and for all together last, a part that folds."""
     scopes = tables.scopes_of(found)
     felt = {scope: feel_tables.feel_table(found, scope) for scope in scopes}
@@ -92,19 +91,19 @@ def _scopes(found: dict[Key, Cell], rows: list[MetricRow]) -> Iterator[str]:
     if any(popped.values()):
         yield _paragraph(pop_tables.LEGEND)
     for scope in scopes:
-        body = "".join(
-            f"<h3>{html.escape(section.title)}</h3>{''.join(map(table_html, section.tables))}"
+        body = [
+            markup("<h3>{}</h3>{}", section.title, map(table_html, section.tables))
             for section in tables.tables_of_scope(found, scope)
-        )
+        ]
         for title, table in ((feel_tables.TITLE, felt[scope]), (pop_tables.TITLE, popped[scope])):
-            body += f"<h3>{title}</h3>{table_html(table)}" if table else ""
-        is_open = " open" if scope == scopes[-1] else ""
-        yield f"<details{is_open}><summary>{html.escape(scope)}</summary>{body}</details>"
+            body += [markup("<h3>{}</h3>{}", title, table_html(table))] if table else []
+        is_open = markup(" open") if scope == scopes[-1] else ""
+        yield markup("<details{}><summary>{}</summary>{}</details>", is_open, scope, body)
 
 
-def _settings(config: Mapping[str, Any]) -> str:
-    pairs = (f"<dt>{html.escape(name)}</dt><dd>{html.escape(_value(value))}</dd>" for name, value in config.items())
-    return f"<dl>{''.join(pairs)}</dl>"
+def _settings(config: Mapping[str, Any]) -> Markup:
+    pairs = (markup("<dt>{}</dt><dd>{}</dd>", name, _value(value)) for name, value in config.items())
+    return markup("<dl>{}</dl>", pairs)
 
 
 def _value(value: Any) -> str:
@@ -115,5 +114,5 @@ def _value(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _paragraph(text: str) -> str:
-    return f"<p>{html.escape(text)}</p>" if text else ""
+def _paragraph(text: str) -> Markup | str:
+    return markup("<p>{}</p>", text) if text else ""

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import html
-import json
 from pathlib import Path
-from string import Template
 
 from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
-from data_schemas.whole_file import write_whole
 from stages.report.config import Config
 from stages.report.curves import curves_html
 from stages.report.results import results_html
 from stages.report.scenes import scenes_of
 from stages.report.strips import strips_svg
 from stages.shared.contract import StageReport
-from stages.shared.outputs import check_file
+from stages.shared.markup import Markup, filled, joined, markup, own_file, script_data
+from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
 ASSETS = Path(__file__).resolve().parent / "assets"
@@ -43,26 +40,27 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     progress.advance(1, "motions")
     metrics = open_artefact(config.metrics, "metrics") if config.metrics else None
     checkpoints = [open_artefact(path, "checkpoint") for path in config.checkpoints]
-    page = _asset("page.html").substitute(
-        title=html.escape(config.title),
-        subtitle=html.escape(SUBTITLE),
-        css=_text("page.css"),
-        script=_text("view3d.js") + _text("player.js"),
-        player=_text("player.html") if scenes else "",
-        scenes=_safe_json(scenes),
+    page = filled(
+        _asset("page.html"),
+        title=config.title,
+        subtitle=SUBTITLE,
+        css=_asset("page.css"),
+        script=joined([_asset("view3d.js"), _asset("player.js")]),
+        player=_asset("player.html") if scenes else "",
+        scenes=script_data(scenes),
         results=results_html(metrics) if metrics else "",
-        training="".join(_training(checkpoint) for checkpoint in checkpoints),
+        training=joined(_training(checkpoint) for checkpoint in checkpoints),
         origin=_origin(
             [artefact for artefact in (metrics, *checkpoints) if artefact], _played(config), config.licences
         ),
     )
     progress.advance(1, "page")
     drawn = _picture(scenes, config) if config.picture else ""
-    write_whole(config.output, page.encode("utf-8"))
+    write_output(config.output, page.encode("utf-8"))
     size_kb = len(page.encode()) // 1024
     lines = [f"Report: {config.output} ({size_kb} kB, {len(scenes)} scene{'s' if len(scenes) != 1 else ''})."]
     if config.picture:
-        write_whole(config.picture, drawn.encode("utf-8"))
+        write_output(config.picture, drawn.encode("utf-8"))
         lines.append(f"Picture: {config.picture} ({len(drawn.encode()) // 1024} kB).")
     return StageReport(
         output=config.output,
@@ -79,13 +77,14 @@ def _picture(scenes: list[dict], config: Config) -> str:
     return strips_svg(chosen)
 
 
-def _training(artefact: Artefact) -> str:
+def _training(artefact: Artefact) -> Markup:
     log = read_checkpoint(artefact, optimiser=False).log
-    name = html.escape(artefact.path.name)
     steps = max((int(row.get("step", 0)) for row in log), default=0)
     minutes = max((float(row.get("seconds", 0)) for row in log), default=0.0) / 60
     caption = f"{steps:,} steps, {minutes:.1f} minutes. Thin: training; thick: validation."
-    return f"<section><h2>Training: {name}</h2><p>{caption}</p>{curves_html(log)}</section>"
+    return markup(
+        "<section><h2>Training: {}</h2><p>{}</p>{}</section>", artefact.path.name, caption, curves_html(log)
+    )
 
 
 def _played(config: Config) -> list[Artefact]:
@@ -94,34 +93,27 @@ def _played(config: Config) -> list[Artefact]:
     return [open_artefact(path, "motion") for path in paths if path.is_dir()]
 
 
-def _origin(artefacts: list[Artefact], played: list[Artefact], licences_given: tuple[str, ...]) -> str:
+def _origin(artefacts: list[Artefact], played: list[Artefact], licences_given: tuple[str, ...]) -> Markup:
     licences = {licence for artefact in (*artefacts, *played) for licence in artefact.manifest.licences}
-    rows = []
-    for artefact in artefacts:
-        manifest = artefact.manifest
-        rows.append(
-            f"<dt>{html.escape(artefact.path.name)}</dt><dd>{html.escape(manifest.kind)} artefact "
-            f"<code>{manifest.digest[:16]}</code>, written by {html.escape(manifest.created_by)} "
-            f"({html.escape(manifest.stage)})</dd>"
+    rows = [
+        markup(
+            "<dt>{}</dt><dd>{} artefact <code>{}</code>, written by {} ({})</dd>",
+            artefact.path.name,
+            artefact.manifest.kind,
+            artefact.manifest.digest[:16],
+            artefact.manifest.created_by,
+            artefact.manifest.stage,
         )
+        for artefact in artefacts
+    ]
     if played:
         stages = ", ".join(sorted({artefact.manifest.stage for artefact in played}))
-        rows.append(f"<dt>Motions</dt><dd>{len(played)} motion artefacts, written by {html.escape(stages)}</dd>")
+        rows.append(markup("<dt>Motions</dt><dd>{} motion artefacts, written by {}</dd>", len(played), stages))
     rows += [
-        f"<dt>Licence of the data</dt><dd>{html.escape(licence)}</dd>"
-        for licence in sorted(licences | {*licences_given})
+        markup("<dt>Licence of the data</dt><dd>{}</dd>", licence) for licence in sorted(licences | {*licences_given})
     ]
-    return f"<dl>{''.join(rows)}</dl>" if rows else "<p>Only motions were given.</p>"
+    return markup("<dl>{}</dl>", rows) if rows else markup("<p>Only motions were given.</p>")
 
 
-def _safe_json(value: object) -> str:
-    """JSON that no file name can break out of: no `<` ends the script element."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def _asset(name: str) -> Template:
-    return Template(_text(name))
-
-
-def _text(name: str) -> str:
-    return (ASSETS / name).read_text(encoding="utf-8")
+def _asset(name: str) -> Markup:
+    return own_file(ASSETS / name)

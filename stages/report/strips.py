@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from html import escape
 from itertools import pairwise
 
 import numpy as np
+
+from stages.shared.markup import Markup, joined, markup
 
 POSES = 7
 CELL, HEIGHT, LABEL, HEAD, GAP = 74, 132, 184, 30, 14
@@ -21,20 +22,24 @@ COLOURS = ("#c2410c", "#1d4ed8", "#15803d", "#7e22ce")
 MILLIMETRES = 1000.0
 
 
-def strips_svg(scenes: Sequence[dict]) -> str:
+def strips_svg(scenes: Sequence[dict]) -> Markup:
     """The SVG of scenes as the page holds them (`stages.report.scenes`): a row a scene, a strip a motion."""
     count = max(len(scene["motions"]) for scene in scenes) - 1
     width = LABEL + max(count, 1) * (POSES * CELL + GAP)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {HEAD + len(scenes) * (HEIGHT + GAP)}" '
-        f'width="{width}" font-family="sans-serif" font-size="12">',
-        '<rect width="100%" height="100%" fill="#ffffff"/>',
-        f'<text x="8" y="18" fill="#666666">grey: {escape(scenes[0]["motions"][0]["name"])}; '
-        f'<tspan fill="{KEY_COLOUR}">amber: keys</tspan></text>',
-    ]
+        markup(
+            '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {} {}" width="{}" font-family="sans-serif" '
+            'font-size="12">', width, HEAD + len(scenes) * (HEIGHT + GAP), width,
+        ),
+        markup('<rect width="100%" height="100%" fill="#ffffff"/>'),
+        markup(
+            '<text x="8" y="18" fill="#666666">grey: {}; <tspan fill="{}">amber: keys</tspan></text>',
+            scenes[0]["motions"][0]["name"], KEY_COLOUR,
+        ),
+    ]  # fmt: skip
     for row, scene in enumerate(scenes):
         parts += _scene(scene, HEAD + row * (HEIGHT + GAP))
-    return "\n".join([*parts, "</svg>"]) + "\n"
+    return joined([*parts, markup("</svg>\n")], "\n")
 
 
 def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
@@ -46,7 +51,7 @@ def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
     return max(gaps, key=lambda gap: travelled[gap[0] : gap[1]].sum())
 
 
-def _scene(scene: dict, top: int) -> list[str]:
+def _scene(scene: dict, top: int) -> list[Markup]:
     truth, *others = scene["motions"]
     true = _points(truth)
     first, last = shown_gap(true, scene["keys"])
@@ -57,15 +62,15 @@ def _scene(scene: dict, top: int) -> list[str]:
     scale = min((HEIGHT - 26) / max(span[..., 1].max() - floor, 0.1), 1.25 * CELL / max(np.ptp(span[..., 0]), 0.1))
     base = top + HEIGHT - 18
     detail = scene["detail"]
-    parts = [f'<text x="8" y="{top + 40}" font-weight="600">{escape(scene["title"])}</text>']
-    parts += [f'<text x="8" y="{top + 56}" fill="#666666">{escape(detail)}</text>'] if detail else []
+    parts = [markup('<text x="8" y="{}" font-weight="600">{}</text>', top + 40, scene["title"])]
+    parts += [markup('<text x="8" y="{}" fill="#666666">{}</text>', top + 56, detail)] if detail else []
     caption = f"frames {first} to {last} at {truth['fps']:.0f} a second"
-    parts.append(f'<text x="8" y="{top + 72}" fill="#666666" font-size="10">{caption}</text>')
+    parts.append(markup('<text x="8" y="{}" fill="#666666" font-size="10">{}</text>', top + 72, caption))
     for column, motion in enumerate(others):
         left = LABEL + column * (POSES * CELL + GAP)
         made, colour = _points(motion), COLOURS[column % len(COLOURS)]
         moments = np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
-        parts.append(f'<path d="M{left} {base}H{left + POSES * CELL}" stroke="#dddddd"/>')
+        parts.append(markup('<path d="M{} {}H{}" stroke="#dddddd"/>', left, base, left + POSES * CELL))
         for pose, (frame, moment) in enumerate(zip(frames, moments, strict=True)):
             middle = left + (pose + 0.5) * CELL
             away = _ground(true, truth["root"])[frame]
@@ -77,11 +82,13 @@ def _scene(scene: dict, top: int) -> list[str]:
                 flat = (points - away) @ view
                 places = np.stack([middle + scale * flat[:, 0], base - scale * (flat[:, 1] - floor)], axis=1)
                 parts.append(_pose_svg(data["edges"], places, stroke, thick, 0.09 * scale))
-        note = escape(motion["name"])
+        note = motion["name"]
         if made.shape == true.shape:
             apart = np.linalg.norm(made - true, axis=-1)[first + 1 : last].mean()
-            note += f": {MILLIMETRES * apart:.0f} mm from {escape(truth['name'])}"
-        parts.append(f'<text x="{left + 4}" y="{base + 14}" fill="{colour}" font-size="11">{note}</text>')
+            note += f": {MILLIMETRES * apart:.0f} mm from {truth['name']}"
+        parts.append(
+            markup('<text x="{}" y="{}" fill="{}" font-size="11">{}</text>', left + 4, base + 14, colour, note)
+        )
     return parts
 
 
@@ -104,16 +111,17 @@ def _side_view(points: np.ndarray, root: int) -> np.ndarray:
     return np.array([[along[0], 0.0], [0.0, 1.0], [along[1], 0.0]])
 
 
-def _pose_svg(edges: Sequence[Sequence[int]], places: np.ndarray, colour: str, thick: float, head: float) -> str:
+def _pose_svg(edges: Sequence[Sequence[int]], places: np.ndarray, colour: str, thick: float, head: float) -> Markup:
     """One pose: a line a bone, fingers left out, a ring at the head's tip."""
     lines = "".join(
         f"M{places[a, 0]:.1f} {places[a, 1]:.1f}L{places[b, 0]:.1f} {places[b, 1]:.1f}"
         for a, b, _, thin, ball in edges
         if not thin and not ball
     )
-    balls = "".join(
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{head:.1f}"/>'
-        for x, y in (places[[a, b]].mean(axis=0) for a, b, _, _, ball in edges if ball)
-    )
-    look = f'fill="none" stroke="{colour}" stroke-width="{thick}" stroke-linecap="round"'
-    return f'<g {look}><path d="{lines}"/>{balls}</g>'
+    balls = [
+        markup('<circle cx="{:.1f}" cy="{:.1f}" r="{:.1f}"/>', *places[[a, b]].mean(axis=0), head)
+        for a, b, _, _, ball in edges
+        if ball
+    ]
+    look = markup('fill="none" stroke="{}" stroke-width="{}" stroke-linecap="round"', colour, thick)
+    return markup('<g {}><path d="{}"/>{}</g>', look, lines, balls)

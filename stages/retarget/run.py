@@ -11,7 +11,6 @@ from data_schemas.errors import InputError
 from data_schemas.motion import skeleton_id
 from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
-from data_schemas.whole_file import write_whole
 from stages.retarget.config import Config
 from stages.retarget.targets import Target, read_target
 from stages.shared.contract import StageReport
@@ -27,7 +26,7 @@ from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_net
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.networks.layers.device import choose_device
-from stages.shared.outputs import check_file
+from stages.shared.outputs import check_file, write_output
 from stages.shared.pointcloud.drawn_points import draw_on_skeleton
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import pose_of_motion
@@ -50,7 +49,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     made, turned = retargeted(source, motion, target.skeleton, target.poses, config)
     progress.advance(note="moved")
     data, losses = _in_format_of(config.output, target, made)
-    write_whole(config.output, data)
+    write_output(config.output, data)
     progress.advance(note="written")
     notes = [*(f"{config.input}: {note}" for note in notes), *(f"{config.to}: {note}" for note in target.notes)]
     notes += losses

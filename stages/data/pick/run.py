@@ -10,13 +10,13 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from data_schemas.notes import Flag
-from data_schemas.whole_file import write_whole
 from stages.data.pick.config import Config
 from stages.shared.contract import StageReport
+from stages.shared.file_names import FileNames
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.formats.readers import recognise
 from stages.shared.formats.sources import source_named
-from stages.shared.outputs import check_folder
+from stages.shared.outputs import check_folder, check_replaceable, paths_in, write_output
 from stages.shared.progress import SILENT, Progress
 
 LIST_NAME = "clips.txt"
@@ -31,7 +31,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Clips that an earlier list names and this one does not are removed.
 
     Raises:
-        UsageError: the folder holds files that may not be replaced.
+        UsageError: the folder holds files that may not be replaced, or a source that a clip is copied from.
         InputError: the artefact has no clip of these splits, or its sources are gone.
     """
     check_folder(config)
@@ -44,15 +44,21 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 "Name some in the file given to `pumps ingest --splits`.",
             )
         config.output.mkdir(parents=True, exist_ok=True)
+        names = FileNames()
+        sources = [("a source", path) for row in reader.clips for path in paths_in(row.source)]
+        files = [f"{names.of(row.clip)}.bvh" for row in picked]
+        stale = sorted(_listed(config.output) - {*files})
+        for file in (*files, *stale):
+            check_replaceable(config.output / file, True, sources)
         progress.start("Copying clips", len(picked))
-        for row in picked:
-            write_whole(config.output / f"{row.clip}.bvh", _as_bvh(row, reader))
+        for row, file in zip(picked, files, strict=True):
+            write_output(config.output / file, _as_bvh(row, reader))
             progress.advance(1, row.clip)
-    names = [row.clip for row in picked]
-    for stale in _listed(config.output) - {f"{name}.bvh" for name in names}:
-        (config.output / stale).unlink(missing_ok=True)
-    write_whole(config.output / LIST_NAME, "".join(f"{name}.bvh\n" for name in names).encode())
-    return StageReport(output=config.output, lines=[f"picked {', '.join(names)}"], figures={"clips": names})
+    for file in stale:
+        (config.output / file).unlink(missing_ok=True)
+    write_output(config.output / LIST_NAME, "".join(f"{file}\n" for file in files).encode())
+    clips = [row.clip for row in picked]
+    return StageReport(output=config.output, lines=[f"picked {', '.join(clips)}"], figures={"clips": clips})
 
 
 def _listed(folder: Path) -> set[str]:

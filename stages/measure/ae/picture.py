@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
 from torch import Tensor
 
 from data_schemas.skeleton import BODY_GROUPS
+from stages.shared.markup import Markup, joined, markup
 
 COLOURS = ("#404040", "#1f77b4", "#d62728", "#17a2a2", "#ff7f0e")  # in the order of BODY_GROUPS
 _PIXELS_A_METRE = 110.0
@@ -26,7 +26,7 @@ class Panel(NamedTuple):
     points: Tensor
 
 
-def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
+def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> Markup:
     """The SVG text; all panels have the scale and the view of the first one."""
     kinds = groups.numpy()
     first = panels[0].points.double().numpy()
@@ -40,23 +40,29 @@ def cloud_picture(panels: Sequence[Panel], groups: Tensor, title: str) -> str:
     left = [_LABEL + place * (width + _GAP) for place in range(4)]
     page = (left[-1] + width + _GAP, _HEAD + len(panels) * (height + _GAP))
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {page[0]:.0f} {page[1]:.0f}" '
-        f'width="{page[0]:.0f}" height="{page[1]:.0f}" font-family="sans-serif" font-size="12">',
-        '<rect width="100%" height="100%" fill="#ffffff"/>',
-        f'<text x="{_GAP}" y="16">{escape(title)}</text>',
-    ]
+        markup(
+            '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {0:.0f} {1:.0f}" width="{0:.0f}" height="{1:.0f}" '
+            'font-family="sans-serif" font-size="12">', *page,
+        ),
+        markup('<rect width="100%" height="100%" fill="#ffffff"/>'),
+        markup('<text x="{}" y="16">{}</text>', _GAP, title),
+    ]  # fmt: skip
     heads = [f"frame {frame + 1}" for frame in frames] + [f"paths of {min(_PATHS, len(kinds))} points"]
-    parts += [f'<text x="{x:.0f}" y="52" fill="#555555">{head}</text>' for x, head in zip(left, heads, strict=True)]
+    parts += [
+        markup('<text x="{:.0f}" y="52" fill="#555555">{}</text>', x, head)
+        for x, head in zip(left, heads, strict=True)
+    ]
     for group, (name, colour) in enumerate(zip(BODY_GROUPS, COLOURS, strict=True)):
-        parts.append(f'<text x="{_LABEL + 72 * group}" y="34" fill="{colour}">{name.replace("_", " ")}</text>')
+        x = _LABEL + 72 * group
+        parts.append(markup('<text x="{}" y="34" fill="{}">{}</text>', x, colour, name.replace("_", " ")))
     for row, (panel, cloud) in enumerate(zip(panels, flat, strict=True)):
         top = _HEAD + row * (height + _GAP)
-        parts.append(f'<text x="{_GAP}" y="{top + height / 2:.0f}">{escape(panel.label)}</text>')
+        parts.append(markup('<text x="{}" y="{:.0f}">{}</text>', _GAP, top + height / 2, panel.label))
         pixels = np.stack([cloud[..., 0] - low[0], high[1] - cloud[..., 1]], axis=-1) * _PIXELS_A_METRE
         for x, frame in zip(left, frames, strict=False):
             parts += _dots(pixels[frame] + np.array([x, top]), kinds)
         parts += _paths(pixels + np.array([left[3], top]), kinds)
-    return "\n".join([*parts, "</svg>"]) + "\n"
+    return joined([*parts, markup("</svg>\n")], "\n")
 
 
 def _front_view(points: np.ndarray, kinds: np.ndarray) -> np.ndarray:
@@ -74,19 +80,22 @@ def _front_view(points: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     return np.stack([right, up, np.cross(right, up)])
 
 
-def _dots(pixels: np.ndarray, kinds: np.ndarray) -> list[str]:
+def _dots(pixels: np.ndarray, kinds: np.ndarray) -> list[Markup]:
     """A dot is a path of length zero with round ends, which is much shorter SVG than a circle."""
     parts = []
     for group, colour in enumerate(COLOURS):
         places = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in pixels[kinds == group])
         if places:
-            parts.append(f'<path d="{places}" stroke="{colour}" stroke-width="2.6" stroke-linecap="round"/>')
+            parts.append(
+                markup('<path d="{}" stroke="{}" stroke-width="2.6" stroke-linecap="round"/>', places, colour)
+            )
     return parts
 
 
-def _paths(pixels: np.ndarray, kinds: np.ndarray) -> list[str]:
+def _paths(pixels: np.ndarray, kinds: np.ndarray) -> list[Markup]:
     parts = []
     for point in range(0, len(kinds), max(1, -(-len(kinds) // _PATHS))):
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in pixels[:, point])
-        parts.append(f'<polyline points="{line}" fill="none" stroke="{COLOURS[kinds[point]]}" stroke-width="0.9"/>')
+        colour = COLOURS[kinds[point]]
+        parts.append(markup('<polyline points="{}" fill="none" stroke="{}" stroke-width="0.9"/>', line, colour))
     return parts

@@ -11,6 +11,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from data_schemas.errors import InputError, UsageError
+from stages.shared.file_names import is_file_name
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -44,8 +45,8 @@ class DataFile(_Strict):
     @field_validator("name")
     @classmethod
     def _plain(cls, name: str) -> str:
-        if not _NAME.fullmatch(name):
-            raise ValueError("must be a plain file name")
+        if not _NAME.fullmatch(name) or not is_file_name(name) or name.endswith((".part", ".part.mark")):
+            raise ValueError("must be a plain file name, and none of a part")
         return name
 
     @field_validator("url")
@@ -91,6 +92,8 @@ class DataSet(_Strict):
     def _reachable(self) -> DataSet:
         if bool(self.files) == bool(self.by_hand):
             raise ValueError("needs either files, or by_hand with instructions for a person")
+        if len({each.name.lower() for each in self.files}) < len(self.files):
+            raise ValueError("gives two files one name")
         return self
 
     @property

@@ -119,7 +119,12 @@ class _Resuming:
     def _go_on(self, url: str) -> None:
         """Request the missing bytes and append them. Raises requests' exceptions if the connection breaks."""
         have = self._size()
-        version = self.mark.read_text() if self.mark.exists() else ""
+        if have and not self.mark.exists():
+            raise UsageError(
+                f"{self.part} is not of a download by pumps, which would remove it.",
+                "Move it, or give another folder with -o.",
+            )
+        version = self.mark.read_text() if have else ""
         if have and not version:
             self._forget()  # the version of the part is unknown
             have = 0

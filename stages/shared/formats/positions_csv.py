@@ -11,6 +11,7 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from stages.shared.formats.recording import MAX_JOINTS
+from stages.shared.formats.text_cells import texts_of_line
 
 _AXIS = re.compile(r"^(?P<joint>.+?)[\s._:/-]*\(?(?P<axis>[xyzXYZ])\)?\s*(?:[\[(][^\])]*[\])])?$")
 _TIMES = ("time", "t", "times", "timestamp", "seconds", "time_s", "time (s)", "time [s]")
@@ -27,7 +28,7 @@ def read_csv(data: bytes, name: str) -> tuple[tuple[str, ...], np.ndarray, float
     lines = _lines(data)
     head = next(lines, (1, ""))[1].removeprefix("\ufeff")
     separator = max((";", "\t", ","), key=head.count)
-    columns = [cell.strip().strip('"') for cell in head.split(separator)]
+    columns = texts_of_line(head, separator)
     if len(columns) > 3 * MAX_JOINTS + 2:
         raise InputError(f"{name} has {len(columns)} columns; pumps reads at most {3 * MAX_JOINTS}.")
     names, order, time = _meaning(columns, name)

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
+from stages.shared.formats.text_cells import text_cell
 from stages.shared.kinematics.forward_numpy import positions_of
 
 VALUES = ("both", "positions", "rotations")
@@ -26,6 +27,8 @@ def csv_of_motion(skeleton: Skeleton, motion: Motion, values: str = "both", deci
 
     Args:
         values: one of VALUES; `pumps ingest positions` reads a table of positions only.
+
+    A name that a spreadsheet would take for a formula has an apostrophe before it (`text_cells`).
     """
     chosen = {"both": (_PLACES, _TURNS), "positions": (_PLACES,), "rotations": (_TURNS,)}[values]
     blocks = [
@@ -34,7 +37,7 @@ def csv_of_motion(skeleton: Skeleton, motion: Motion, values: str = "both", deci
     table = np.concatenate(blocks, axis=-1).reshape(motion.frames, -1)
     columns = ["frame", "time", *(f"{name}.{axis}" for name in skeleton.names for axes in chosen for axis in axes)]
     out = io.StringIO(newline="")
-    csv.writer(out, lineterminator="\n").writerow(columns)
+    csv.writer(out, lineterminator="\n").writerow(map(text_cell, columns))
     pattern = "%d,%.9g," + ",".join([f"%.{decimals}f"] * table.shape[1]) + "\n"
     table = np.round(table, decimals) + 0.0  # + 0.0 turns -0.0 into 0.0
     for frame, row in enumerate(table.tolist()):

@@ -15,9 +15,8 @@ from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoin
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import read_metrics
-from data_schemas.whole_file import write_whole
 from stages.shared.contract import StageReport
-from stages.shared.outputs import check_folder
+from stages.shared.outputs import check_folder, write_output
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.feel_tables import LEGEND, feel_markdown
 from stages.shared.statistics.measurements import TRUTH
@@ -56,11 +55,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     name = config.name or config.output.name
     confidence = weights_folder(config.run) / CONFIDENCE_NAME
     if confidence.is_file():
-        write_whole(config.output / CONFIDENCE_NAME, confidence.read_bytes())
+        write_output(config.output / CONFIDENCE_NAME, confidence.read_bytes())
     licences = sorted({*ae.manifest.licences, *lms.manifest.licences})
     card = _card(name, autoencoder, synthesiser, licences, measured, table)
-    write_whole(config.output / MEASURED_NAME, (json.dumps(measured, indent=1) + "\n").encode("utf-8"))
-    write_whole(config.output / CARD_NAME, card.encode("utf-8"))
+    write_output(config.output / MEASURED_NAME, (json.dumps(measured, indent=1) + "\n").encode("utf-8"))
+    write_output(config.output / CARD_NAME, card.encode("utf-8"))
     size = sum(path.stat().st_size for path in config.output.rglob("*") if path.is_file())
     return StageReport(
         output=config.output,

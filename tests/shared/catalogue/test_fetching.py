@@ -127,6 +127,15 @@ def test_a_second_call_goes_on_from_what_the_first_left(server, tmp_path: Path):
     assert behaviour.asked == [f"bytes={6 * _BLOCK}-"]
 
 
+def test_a_part_of_another_program_is_refused_and_kept(server, tmp_path: Path):
+    _, url = server
+    part = tmp_path / "walks.zip.part"
+    part.write_bytes(b"of a browser")
+    with pytest.raises(UsageError, match="is not of a download by pumps"):
+        _fetch(_file(url), tmp_path)
+    assert part.read_bytes() == b"of a browser"
+
+
 def test_a_file_that_changed_meanwhile_is_taken_whole(server, tmp_path: Path):
     behaviour, url = server
     behaviour.cut_after = [6 * _BLOCK] + [0] * 20
@@ -234,7 +243,9 @@ def test_our_catalogue_states_a_checksum_and_a_licence_for_every_file():
         assert all(each.checksum and each.checksum_from for each in data_set.files), name
 
 
-@pytest.mark.parametrize("name", ["../walks.zip", "a/b.zip", ".hidden", "", "/etc/passwd"])
+@pytest.mark.parametrize(
+    "name", ["../walks.zip", "a/b.zip", ".hidden", "", "/etc/passwd", "con.zip", "walks.", "walks.zip.part"]
+)
 def test_a_catalogue_whose_file_names_lead_out_of_the_folder_is_refused(tmp_path: Path, name: str):
     path = _catalogue(tmp_path, "http://127.0.0.1/x")
     path.write_text(path.read_text().replace('name = "walks.zip"', f'name = "{name}"'))
