@@ -15,7 +15,7 @@
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
 # make gallery     twelve clips on six rigs, filled: runs/gallery/gallery.html and docs/pictures; GALLERY_WEIGHTS=small
-# make first-picture  the picture of the README's first example
+# make first-picture  the picture of the README's first example, of the weights PICTURED='small-free small'
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
@@ -46,6 +46,7 @@ HELD_OUT_WINDOWS ?= 40
 RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
+PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
@@ -138,8 +139,8 @@ gallery: install
 
 first-picture: install
 	@mkdir -p '$(RUNS)/gallery'
-	$(PUMPS) infill stages/shared/clips/dance_b.bvh --keyframes every:15 -o '$(RUNS)/gallery/filled.bvh' --overwrite $(GALLERY_WEIGHTS:%=--weights '%')
-	$(PUMPS) report --motions truth=stages/shared/clips/dance_b.bvh --motions 'pumps=$(RUNS)/gallery/filled.bvh' --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --overwrite --picture docs/pictures/first-fill.svg
+	$(foreach each,$(PICTURED),$(PUMPS) infill stages/shared/clips/dance_b.bvh --keyframes every:15 -o '$(RUNS)/gallery/$(each).bvh' --overwrite --weights '$(each)' &&) true
+	$(PUMPS) report --motions truth=stages/shared/clips/dance_b.bvh $(foreach each,$(PICTURED),--motions '$(each)=$(RUNS)/gallery/$(each).bvh') --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --overwrite --picture docs/pictures/first-fill.svg
 
 retarget-report: install-dev
 	$(VENV)/bin/python benchmarks/retargeting.py --archives '$(SHARED_DATA)' --page docs/results.md

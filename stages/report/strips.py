@@ -23,13 +23,17 @@ MILLIMETRES = 1000.0
 
 
 def strips_svg(scenes: Sequence[dict]) -> Markup:
-    """The SVG of scenes as the page holds them (`stages.report.scenes`): a row a scene, a strip a motion."""
-    count = max(len(scene["motions"]) for scene in scenes) - 1
-    width = LABEL + max(count, 1) * (POSES * CELL + GAP)
+    """The SVG of scenes as the page holds them (`stages.report.scenes`): a row for each scene, a strip for each motion.
+
+    The strips of a single scene stand below each other, so that they stay large on a page of text.
+    """
+    count = max(max(len(scene["motions"]) for scene in scenes) - 1, 1)
+    rows, columns = (count, 1) if len(scenes) == 1 else (len(scenes), count)
+    width = LABEL + columns * (POSES * CELL + GAP)
     parts = [
         markup(
             '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {} {}" width="{}" font-family="sans-serif" '
-            'font-size="12">', width, HEAD + len(scenes) * (HEIGHT + GAP), width,
+            'font-size="12">', width, HEAD + rows * (HEIGHT + GAP), width,
         ),
         markup('<rect width="100%" height="100%" fill="#ffffff"/>'),
         markup(
@@ -38,7 +42,7 @@ def strips_svg(scenes: Sequence[dict]) -> Markup:
         ),
     ]  # fmt: skip
     for row, scene in enumerate(scenes):
-        parts += _scene(scene, HEAD + row * (HEIGHT + GAP))
+        parts += _scene(scene, HEAD + row * (HEIGHT + GAP), stacked=len(scenes) == 1)
     return joined([*parts, markup("</svg>\n")], "\n")
 
 
@@ -51,7 +55,7 @@ def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
     return max(gaps, key=lambda gap: travelled[gap[0] : gap[1]].sum())
 
 
-def _scene(scene: dict, top: int) -> list[Markup]:
+def _scene(scene: dict, top: int, *, stacked: bool) -> list[Markup]:
     truth, *others = scene["motions"]
     true = _points(truth)
     first, last = shown_gap(true, scene["keys"])
@@ -60,14 +64,14 @@ def _scene(scene: dict, top: int) -> list[Markup]:
     span = (true[first : last + 1] - _ground(true, truth["root"])[first : last + 1]) @ view
     floor = scene["floor"]
     scale = min((HEIGHT - 26) / max(span[..., 1].max() - floor, 0.1), 1.25 * CELL / max(np.ptp(span[..., 0]), 0.1))
-    base = top + HEIGHT - 18
     detail = scene["detail"]
     parts = [markup('<text x="8" y="{}" font-weight="600">{}</text>', top + 40, scene["title"])]
     parts += [markup('<text x="8" y="{}" fill="#666666">{}</text>', top + 56, detail)] if detail else []
     caption = f"frames {first} to {last} at {truth['fps']:.0f} a second"
     parts.append(markup('<text x="8" y="{}" fill="#666666" font-size="10">{}</text>', top + 72, caption))
     for column, motion in enumerate(others):
-        left = LABEL + column * (POSES * CELL + GAP)
+        left = LABEL + (0 if stacked else column * (POSES * CELL + GAP))
+        base = top + HEIGHT - 18 + (column * (HEIGHT + GAP) if stacked else 0)
         made, colour = _points(motion), COLOURS[column % len(COLOURS)]
         moments = np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
         parts.append(markup('<path d="M{} {}H{}" stroke="#dddddd"/>', left, base, left + POSES * CELL))
