@@ -76,8 +76,8 @@ _NAMES_OF_OURS = re.compile(r"\.draft-[0-9a-f]{16}|data-[0-9a-f]{16}(-[0-9]+)?")
 class Draft:
     """An artefact being written: put files into `folder`, facts into `summary`, sources' licences into `licences`.
 
-    sources: (path, kind, digest) of files ("file") and folders ("folder") that the stage read and digested itself; they
-             become inputs, after those given to `write_artefact`.
+    sources: (path, kind, digest) of files ("file") and folders ("folder") that the stage read and digested itself;
+             they become inputs, after those given to `write_artefact`.
     """
 
     folder: Path
@@ -120,8 +120,8 @@ def write_artefact(
     Raises:
         UsageError: `path` holds something else, which is left unchanged.
         InputError: an input is missing or damaged.
-        PumpsError: another process is writing `path`, or it cannot be written: the disk is full, for instance. The old
-            artefact is whole, and nothing of the new one is left.
+        PumpsError: another process is writing `path`, or it cannot be written: the disk is full, for instance. The
+            old artefact is whole, and nothing of the new one is left.
     """
     path = Path(path)
     schema_version, plain_config = KINDS[kind].schema_version, plain_data(config)

@@ -1,7 +1,7 @@
 """Digests of what data files say: arrays, tables and settings, whatever their compressed bytes and clocks are.
 
-Two runs with the same inputs, settings and seed say the same, and their bytes may differ all the same: LZF compresses
-with a table that it does not clear, and a training records how long it took. So an artefact's digest is made of these:
+Two runs with the same inputs, settings and seed make the same arrays, but not always the same bytes: LZF compresses
+with a table that it does not clear, and a training records how long it took. An artefact's digest is made of these:
 
     *.h5                    every group, attribute and array: name, type, shape, values
     *.parquet               every column: name, type, values

@@ -1,8 +1,8 @@
 """New HDF5 files whose disk may be full: the failure is one OSError, and the library never sees it.
 
-The HDF5 library flushes its caches when a file is closed, also after a failed write, and ends the whole process if the
-disk refuses there. So the bytes go through a Python object. Once the disk refuses, that object keeps what else the
-library writes in memory, which is a few megabytes of caches, and the writer raises the disk's own error.
+The HDF5 library flushes its caches when a file is closed, also after a failed write, and crashes the process if the
+disk is full then. So the bytes go through a Python object. After the first failed write, that object keeps what else
+the library writes in memory, which is a few megabytes of caches, and the writer raises the disk's own error.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
         problems.append("The manifest's digest does not match the files it lists.")
     if covers_manifest(manifest) and manifest_has_changed(artefact.path):
         problems.append(
-            "The manifest has changed: its config, inputs, licences, summary or another field is not as it was written."
+            "The manifest has changed: its config, inputs, licences, summary or another field is not as written."
         )
     return problems
 

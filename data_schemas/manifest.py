@@ -78,10 +78,10 @@ class Manifest(BaseModel):
     inputs:     the artefacts and files it was made from.
     data:       the name of the data folder beside the manifest.
     files:      relative file name -> sha256 of its bytes.
-    content:    relative file name -> sha256 of what it says (`data_schemas.content_digest`); files that say nothing of
-                their own are left out. {} in manifests of version 1.
+    content:    relative file name -> sha256 of its arrays, columns or settings (`data_schemas.content_digest`); files
+                that hold none of their own are left out. {} in manifests of version 1.
     digest:     the digest of kind, version and content together. It depends on no time and no compression: the same
-                inputs, settings and seed give the same digest. In manifests of version 1 that of kind, version, files.
+                inputs, settings and seed give the same digest. In manifests of version 1: of kind, version and files.
     licences:   of its own sources and of its inputs.
     summary:    facts that the stage reports, plain data.
     manifest_version: of the manifest itself; 1 where it is not stated.
@@ -185,7 +185,7 @@ def digest_of_manifest(fields: Mapping[str, Any]) -> str:
 
 
 def manifest_has_changed(folder: Path) -> bool:
-    """Whether a manifest of version 2 differs from the one that was written. Raises InputError if it is no manifest."""
+    """Whether a manifest of version 2 differs from the one that was written. Raises InputError if it is not JSON."""
     raw = read_json(folder)
     return raw.get("manifest_digest") != digest_of_manifest(raw)
 

@@ -1,6 +1,6 @@
 """What a manifest may hold: plain names, hex digests, texts and lists of bounded length.
 
-Anybody can write a manifest, and its fields come to pages, terminals and paths. These bounds lie far above what stages
+Anybody can write a manifest, and its fields are shown on pages and terminals. These bounds lie far above what stages
 write.
 """
 
@@ -93,5 +93,5 @@ PlainName = Annotated[str, AfterValidator(_plain_name)]
 Creator = Annotated[str, AfterValidator(_creator)]
 InputPath = Annotated[str, StringConstraints(max_length=LONGEST_PATH), AfterValidator(_path)]
 Licence = Annotated[str, StringConstraints(max_length=LONGEST_TEXT)]
-Version = Annotated[int, Field(ge=0, le=1_000_000)]
+Version = Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
 PlainTree = Annotated[dict[str, Any], AfterValidator(_plain_tree)]

@@ -138,7 +138,7 @@ def test_bad_clips_are_refused(tmp_path):
             (replace(row, clip="a", fps=60.0), motion, "its row says 60"),
             (replace(row, clip="a"), a_motion(joints=4), "expected"),
             (replace(row, clip="a"), replace(motion, rotations=not_finite), "not finite"),
-            (replace(row, clip="a"), replace(motion, rotations=2 * motion.rotations), "no unit quaternions"),
+            (replace(row, clip="a"), replace(motion, rotations=2 * motion.rotations), "not unit quaternions"),
             (replace(row, clip="a"), replace(motion, track_joints=np.array([0], np.int32)), "track on a joint"),
             (replace(row, clip="a"), replace(motion, tracks=motion.tracks[:5]), "tracks of the shape"),
             (replace(row, clip="a"), motion.at(slice(0, 0)), "no frames"),

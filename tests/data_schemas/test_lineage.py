@@ -61,7 +61,7 @@ def test_what_is_gone_or_damaged_is_named(run):
     shutil.rmtree(run / "ingest")
     (run / "train" / "manifest.json").write_text("{")
     assert _states(lineage(run / "evaluate")) == {"evaluate": "same", "train": "damaged", "ingest": "missing"}
-    with pytest.raises(InputError, match="no JSON"):
+    with pytest.raises(InputError, match="not JSON"):
         lineage(run / "train")
 
 
