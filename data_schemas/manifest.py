@@ -261,13 +261,13 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
         )
     if form > MANIFEST_VERSION:
         raise InputError(
-            f"{folder} has a manifest of version {form}, and pumps {PUMPS_VERSION} reads versions up to "
+            f"{folder} has a manifest of version {_text(form)}, and pumps {PUMPS_VERSION} reads versions up to "
             f"{MANIFEST_VERSION}.",
             newer_hint,
         )
     if version > KINDS[found].schema_version:
         raise InputError(
-            f"{folder} is a {found!r} artefact of version {version}, and pumps {PUMPS_VERSION} reads versions up to "
+            f"{folder} is a {found!r} artefact of version {_text(version)}, and pumps {PUMPS_VERSION} reads versions up to "
             f"{KINDS[found].schema_version}.",
             newer_hint,
         )

@@ -26,7 +26,12 @@ def make_own_folder(path: Path) -> None:
     if not is_own_folder(path):
         refuse_unmarked(path)
         path.mkdir(parents=True, exist_ok=True)
-        (path / MARKER_NAME).write_text(_MARKER_TEXT, encoding="utf-8")
+        mark_own_folder(path)
+
+
+def mark_own_folder(path: Path) -> None:
+    """Mark a folder that is known to be pumps' own. Raises OSError if the disk refuses."""
+    (path / MARKER_NAME).write_text(_MARKER_TEXT, encoding="utf-8")
 
 
 def is_own_folder(path: Path) -> bool:

@@ -3,6 +3,7 @@
     NAME.partial/checkpoints/step_000002000/   a checkpoint artefact each, the newest few
     NAME.partial/log/step_000002340.parquet    rows of the log since the newest checkpoint
     NAME.partial/windows/                      files of the training itself (`train lms --reuse`)
+    NAME.partial/.made-by-pumps                the marker without which pumps does not write or remove the folder
 
 Each checkpoint is an artefact of its own that appears whole or not at all; old ones are removed after a new one is
 written.
@@ -24,8 +25,17 @@ from torch import Tensor, nn
 
 from data_schemas.artefact import open_artefact, partial_folder, write_artefact
 from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from data_schemas.disk import disk_faults_reported
 from data_schemas.errors import InputError
 from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.own_folders import (
+    MARKER_NAME,
+    is_own_folder,
+    make_own_folder,
+    mark_own_folder,
+    refuse_unmarked,
+    remove_own_folder,
+)
 from stages.shared.networks.layers.layer_stack import GrowingLayer
 from stages.shared.progress import Progress
 from stages.shared.training.config import TrainingConfig
@@ -73,6 +83,22 @@ class Unfinished:
     @property
     def log_folder(self) -> Path:
         return self.folder / "log"
+
+    def claim(self) -> None:
+        """Make the folder and mark it, before anything is written into it.
+
+        Raises: UsageError if a folder of this name is there that pumps did not make.
+        """
+        with disk_faults_reported(self.folder):
+            if any(self._checkpoints.glob("step_*/manifest.json")):
+                mark_own_folder(self.folder)  # of an older pumps, which did not mark it
+            else:
+                make_own_folder(self.folder)
+
+    def release(self) -> None:
+        """Remove the folder if nothing was written into it."""
+        if is_own_folder(self.folder) and [each.name for each in self.folder.iterdir()] == [MARKER_NAME]:
+            self.forget()
 
     def keep(
         self,
@@ -123,13 +149,15 @@ class Unfinished:
     def _set_aside(self) -> Path:
         """Move the folder aside, where no training reads it, replacing a folder that was moved aside before."""
         aside = self.folder.with_name(f"{self.config.output.name}.set-aside")
-        shutil.rmtree(aside, ignore_errors=True)
+        refuse_unmarked(aside)
+        remove_own_folder(aside)
         self.folder.rename(aside)
+        self.claim()
         return aside
 
     def forget(self) -> None:
-        """Remove the folder."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Remove the folder, if pumps made it."""
+        remove_own_folder(self.folder)
 
     def _newest_first(self) -> list[Path]:
         # A folder without a manifest is a checkpoint whose write was killed.
