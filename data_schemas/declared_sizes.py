@@ -51,17 +51,17 @@ def read_table(path: str | os.PathLike[str]) -> pa.Table:
         declared = sum(found.row_group(number).total_byte_size for number in range(found.num_row_groups))
         if declared > most_bytes:
             raise ValueError(f"it declares {declared / 1e6:.0f} MB in {size} bytes")
-        texts = [field.name for field in opened.schema_arrow if _is_text(field.type)]
+        fields = list(opened.schema_arrow)
+        texts = [field.name for field in fields if _is_text(field.type)]
     # A dictionary holds each text once, however often a row names it: lengths are known before rows are made.
     with pq.ParquetFile(path, read_dictionary=texts) as opened:
         table = opened.read()
     total = sum(_text_bytes(table.column(name)) for name in texts)
     if total > most_bytes:
         raise ValueError(f"its texts would take {total / 1e6:.0f} MB, and the file has {size} bytes")
-    return pa.table(
-        {name: _plain(table.column(name)) for name in table.column_names},
-        metadata=None,
-    )
+    columns = [_plain(column) for column in table.columns]
+    schema = pa.schema([pa.field(f.name, c.type, nullable=f.nullable) for f, c in zip(fields, columns, strict=True)])
+    return pa.Table.from_arrays(columns, schema=schema)
 
 
 def check_parameters(stored: Mapping[str, np.ndarray], asked: int, what: Any) -> None:

@@ -51,7 +51,9 @@ def test_numbers_that_no_motion_can_hold_cost_their_own_file_only(folder, tmp_pa
     assert "m.bvh" in found["m.bvh"][1]
 
 
-@pytest.mark.parametrize("fault", [ZeroDivisionError("division by zero"), RecursionError(), MemoryError(), KeyError(3)])
+@pytest.mark.parametrize(
+    "fault", [ZeroDivisionError("division by zero"), RecursionError(), MemoryError(), KeyError(3)]
+)
 def test_a_reader_that_fails_costs_its_own_file_only(folder, tmp_path, monkeypatch, fault):
     real = reading.read_recordings
 
