@@ -267,8 +267,8 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
         )
     if version > KINDS[found].schema_version:
         raise InputError(
-            f"{folder} is a {found!r} artefact of version {_text(version)}, and pumps {PUMPS_VERSION} reads versions up to "
-            f"{KINDS[found].schema_version}.",
+            f"{folder} is a {found!r} artefact of version {_text(version)}, and pumps {PUMPS_VERSION} reads versions "
+            f"up to {KINDS[found].schema_version}.",
             newer_hint,
         )
     try:
