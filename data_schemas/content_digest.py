@@ -24,7 +24,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
+from h5py import h5o
 
 from data_schemas.declared_sizes import check_stored_array, read_table
 
@@ -83,7 +83,7 @@ def _column_parts(column: pa.ChunkedArray) -> Iterator[bytes]:
     """A column's values as bytes, whatever its encoding: which are missing, then the values."""
     whole = column.combine_chunks()
     array = pa.concat_arrays(whole.chunks) if isinstance(whole, pa.ChunkedArray) else whole
-    yield np.asarray(pc.is_null(array).to_numpy(zero_copy_only=False), np.uint8).tobytes()
+    yield np.asarray(array.is_null().to_numpy(zero_copy_only=False), np.uint8).tobytes()
     kind = array.type
     if pa.types.is_string(kind):
         texts = [text.encode() for text in array.fill_null("").to_pylist()]
@@ -105,7 +105,7 @@ def _digest_of_hdf5(path: Path) -> str:
 
 
 def _add_group(total: Any, group: h5py.Group, depth: int, seen: set[int]) -> None:
-    place = h5py.h5o.get_info(group.id).addr
+    place = h5o.get_info(group.id).addr
     if depth > _DEEPEST or place in seen:
         raise ValueError(f"{group.name} is linked in a circle, or lies too deep")
     seen.add(place)

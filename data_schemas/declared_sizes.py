@@ -78,11 +78,11 @@ def _is_text(kind: pa.DataType) -> bool:
 def _text_bytes(column: pa.ChunkedArray) -> int:
     total = 0
     for chunk in column.chunks:
+        texts = chunk.dictionary if isinstance(chunk, pa.DictionaryArray) else chunk
+        lengths = pc.call_function("binary_length", [texts])
         if isinstance(chunk, pa.DictionaryArray):
-            lengths = pc.take(pc.binary_length(chunk.dictionary), chunk.indices)
-        else:
-            lengths = pc.binary_length(chunk)
-        total += pc.sum(pc.cast(lengths, pa.int64())).as_py() or 0
+            lengths = lengths.take(chunk.indices)
+        total += int(lengths.fill_null(0).to_numpy(zero_copy_only=False).sum(dtype=np.int64))
     return total
 
 

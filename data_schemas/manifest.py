@@ -19,7 +19,7 @@ import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
@@ -245,7 +245,7 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
     """Read and check `folder`/manifest.json, but not the data. Raises InputError as `open_artefact` does."""
     raw = read_json(folder)
     found, version, form = raw.get("kind"), raw.get("schema_version"), raw.get("manifest_version", 1)
-    if not isinstance(found, str) or not is_plain_name(found) or not (_is_whole(version) and _is_whole(form)):
+    if not isinstance(found, str) or not is_plain_name(found) or not _is_whole(version) or not _is_whole(form):
         raise InputError(
             f"{folder / MANIFEST_NAME} is not a manifest of a pumps artefact: it lacks kind and schema_version.",
             "Give the folder that a pumps stage wrote.",
@@ -309,7 +309,7 @@ def read_json(folder: Path) -> dict[str, Any]:
     return raw
 
 
-def _is_whole(value: object) -> bool:
+def _is_whole(value: object) -> TypeGuard[int]:
     return isinstance(value, int) and not isinstance(value, bool)
 
 

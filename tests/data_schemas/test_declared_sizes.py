@@ -59,7 +59,9 @@ def test_frames_that_are_not_stored(tmp_path, made):
 
 def test_frames_that_are_stored_are_read_however_well_they_compress(tmp_path):
     frames = 60_000  # a person who stands still
-    still = Motion(np.tile(np.float32([0, 0, 0, 1]), (frames, 8, 1)), np.zeros((frames, 3), np.float32), 30.0)
+    still = Motion(
+        np.tile(np.array([0, 0, 0, 1], np.float32), (frames, 8, 1)), np.zeros((frames, 3), np.float32), 30.0
+    )
     with (
         write_artefact(tmp_path / "m", "motion", stage="s", config={}) as draft,
         MotionWriter(draft.folder) as writer,

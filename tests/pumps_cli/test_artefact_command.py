@@ -107,11 +107,15 @@ def test_a_made_up_manifest_sends_nothing_to_the_terminal(run, artefact):
     path = run / "evaluate" / "manifest.json"
     manifest = json.loads(path.read_text())
     nasty = "\x1b[2J\x07"
-    manifest.update(stage=nasty, licences=[nasty], summary={nasty: nasty}, created_by=nasty)
-    path.write_text(json.dumps(manifest))
+    path.write_text(json.dumps(manifest | {"licences": [nasty], "summary": {nasty: nasty}}))
     for command in ("show", "lineage"):
         code, out, _ = artefact(command, "evaluate")
         assert code == 0 and "\x1b" not in out and "\x07" not in out
+    for field in ("stage", "created_by", "kind"):
+        path.write_text(json.dumps(manifest | {field: nasty}))
+        for command in ("show", "lineage"):
+            code, out, err = artefact(command, "evaluate")
+            assert code == 3 and "\x1b" not in out + err and "\x07" not in out + err
 
 
 @pytest.mark.parametrize("words", [[], ["show"], ["verify"], ["lineage"]])
