@@ -24,7 +24,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pyarrow as pa
-from h5py import h5o
 
 from data_schemas.declared_sizes import check_stored_array, read_table
 
@@ -105,7 +104,7 @@ def _digest_of_hdf5(path: Path) -> str:
 
 
 def _add_group(total: Any, group: h5py.Group, depth: int, seen: set[int]) -> None:
-    place = h5o.get_info(group.id).addr
+    place = h5py.h5o.get_info(group.id).addr  # type: ignore[attr-defined]
     if depth > _DEEPEST or place in seen:
         raise ValueError(f"{group.name} is linked in a circle, or lies too deep")
     seen.add(place)
