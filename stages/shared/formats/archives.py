@@ -105,7 +105,7 @@ def _listed(archive: str, stamp: tuple[int, int]) -> tuple[Member, ...]:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         kind = "zip" if is_zip else "tar"
-        raise InputError(f"{archive} is no {kind} archive or is damaged.", "Fetch it again.") from None
+        raise InputError(f"{archive} is not a {kind} archive, or it is damaged.", "Fetch it again.") from None
     if is_zip:
         members.sort(key=lambda member: member.name)
     return tuple(members)
