@@ -147,5 +147,5 @@ def test_damaged_and_missing_sources(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "big.bvh").write_bytes(b"12345")
     source = find_sources([str(tmp_path / "big.bvh")])[0]
     monkeypatch.setattr(module, "MAX_FILE_BYTES", 4)
-    with pytest.raises(InputError, match="no recording"):
+    with pytest.raises(InputError, match="not a recording"):
         source.read()
