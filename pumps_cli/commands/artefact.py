@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 BAD_INPUT = 3
 _WIDEST_VALUE = 200
 _OLDER = (
-    "An older pumps wrote it: its config, inputs, licences and summary are not covered by a digest. Run the stage that "
-    "made it again to cover them."
+    "An older pumps wrote it: its config, inputs, licences and summary are not covered by a digest. Run the stage "
+    "that made it again to cover them."
 )
 
 app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog="Example: pumps artefact show runs/demo/ingest")
