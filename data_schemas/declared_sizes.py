@@ -7,9 +7,6 @@ above what the real data of this project reach, and in proportion to the bytes t
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from typing import Any
-
 import h5py
 import numpy as np
 import pyarrow as pa
@@ -62,13 +59,6 @@ def read_table(path: str | os.PathLike[str]) -> pa.Table:
     columns = [_plain(column) for column in table.columns]
     schema = pa.schema([pa.field(f.name, c.type, nullable=f.nullable) for f, c in zip(fields, columns, strict=True)])
     return pa.Table.from_arrays(columns, schema=schema)
-
-
-def check_parameters(stored: Mapping[str, np.ndarray], asked: int, what: Any) -> None:
-    """Raise ValueError if `what` asks for more parameters than `stored` arrays hold."""
-    there = sum(int(array.size) for array in stored.values())
-    if asked > there:
-        raise ValueError(f"{what} asks for {asked} parameters, but its weights hold {there}")
 
 
 def _is_text(kind: pa.DataType) -> bool:
