@@ -7,6 +7,7 @@ above what the real data of this project reach, and in proportion to the bytes t
 from __future__ import annotations
 
 import os
+
 import h5py
 import numpy as np
 import pyarrow as pa
