@@ -1,8 +1,9 @@
 """Writing artefacts. This is the module to import for all work with artefacts.
 
 Order of a write: a draft folder inside the artefact is filled, hashed, flushed to the disk and renamed by its
-content; then the new manifest replaces the old one in one step; only then the old data are removed. An exception or a
-kill at any instant leaves the old artefact whole. The next write removes what a killed write left behind.
+content; then the new manifest, also flushed, replaces the old one in one step; only then the old data are removed. An
+exception, a full disk or a kill at any instant leaves the old artefact whole. The next write removes what a killed
+write left behind: folders that hold pumps' marker (`data_schemas.own_folders`), and no others.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 import os
 import re
 import secrets
-import shutil
+import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -20,26 +21,38 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
+from data_schemas.content_digest import content_digest
+from data_schemas.disk import cannot_be_written, check_room, disk_faults_reported, flush_to_disk, write_flushed
 from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.kinds import KINDS
-from data_schemas.lineage import LineageNode, lineage, verify
+from data_schemas.lineage import LineageNode, covers_manifest, lineage, verify
 from data_schemas.manifest import (
     DATA_PREFIX,
     MANIFEST_NAME,
+    MANIFEST_VERSION,
     Artefact,
     InputRef,
     Manifest,
     digest_of,
+    digest_of_manifest,
     is_inner_name,
     open_artefact,
     read_manifest,
     sha256_of_file,
 )
+from data_schemas.own_folders import (
+    MARKER_NAME,
+    is_own_folder,
+    make_own_folder,
+    refuse_unmarked,
+    remove_folder,
+    remove_own_folder,
+)
 from data_schemas.sources import digest_of_source
 from data_schemas.version import PUMPS_VERSION
-from data_schemas.write_lock import write_lock
+from data_schemas.write_lock import LOCK_NAME, write_lock
 
 __all__ = [
     "Artefact",
@@ -47,6 +60,7 @@ __all__ = [
     "InputRef",
     "LineageNode",
     "Manifest",
+    "covers_manifest",
     "lineage",
     "open_artefact",
     "partial_folder",
@@ -55,16 +69,21 @@ __all__ = [
 ]
 
 _DRAFT_PREFIX = ".draft-"
-_OURS = re.compile(r"\.draft-[0-9a-f]+|\.manifest-[0-9a-f]+|data-[0-9a-f]{16}(-[0-9]+)?")
+_NAMES_OF_OURS = re.compile(r"\.draft-[0-9a-f]{16}|data-[0-9a-f]{16}(-[0-9]+)?")
 
 
 @dataclass
 class Draft:
-    """An artefact being written: put files into `folder`, facts into `summary`, sources' licences into `licences`."""
+    """An artefact being written: put files into `folder`, facts into `summary`, sources' licences into `licences`.
+
+    sources: (path, kind, digest) of files ("file") and folders ("folder") that the stage read and digested itself;
+             they become inputs, after those given to `write_artefact`.
+    """
 
     folder: Path
     summary: dict[str, Any] = field(default_factory=dict)
     licences: set[str] = field(default_factory=set)
+    sources: list[tuple[Path, str, str]] = field(default_factory=list)
 
 
 def partial_folder(path: str | os.PathLike[str]) -> Path:
@@ -82,6 +101,7 @@ def write_artefact(
     config: Mapping[str, Any] | BaseModel,
     inputs: Sequence[str | os.PathLike[str] | Artefact] = (),
     licences: Iterable[str] = (),
+    least_bytes: int = 0,
 ) -> Iterator[Draft]:
     """Write the artefact `path`. It appears when the block ends, complete or not at all.
 
@@ -92,6 +112,7 @@ def write_artefact(
         config: the stage's whole config; converted to plain data.
         inputs: artefacts, or source files and folders; their digests are computed when the block begins.
         licences: of new sources; the inputs' licences are added.
+        least_bytes: what will be written at least; refused at once if the disk has less.
 
     Yields:
         Draft, whose folder's files become the artefact.
@@ -99,39 +120,47 @@ def write_artefact(
     Raises:
         UsageError: `path` holds something else, which is left unchanged.
         InputError: an input is missing or damaged.
-        PumpsError: another process is writing `path`, or it cannot be written.
+        PumpsError: another process is writing `path`, or it cannot be written: the disk is full, for instance. The
+            old artefact is whole, and nothing of the new one is left.
     """
     path = Path(path)
     schema_version, plain_config = KINDS[kind].schema_version, plain_data(config)
     references, inherited = _describe_inputs(path, inputs)
     _make_folder(path)
-    with write_lock(path):
-        refuse_foreign(path, kind)
-        _remove_leftovers(path)
-        draft = Draft(path / f"{_DRAFT_PREFIX}{secrets.token_hex(8)}", licences=set(licences) | inherited)
-        draft.folder.mkdir()
+    with disk_faults_reported(path), write_lock(path):
         try:
-            yield draft
-            files = _hash_and_flush(draft.folder)
-            digest = digest_of(kind, schema_version, files)
-            manifest = Manifest(
-                kind=kind,
-                schema_version=schema_version,
-                created_by=f"pumps {PUMPS_VERSION}",
-                stage=stage,
-                config=plain_config,
-                inputs=references,
-                data=_settle(draft.folder, digest, files),
-                files=files,
-                digest=digest,
-                licences=sorted(draft.licences),
-                summary=plain_data(draft.summary),
-            )
-            _swap_manifest(path, manifest)
-            _remove_leftovers(path)
-        except BaseException:
-            shutil.rmtree(draft.folder, ignore_errors=True)
-            raise
+            refuse_foreign(path, kind)
+            check_room(path, least_bytes)
+            before = _data_folder_of(path)
+            _refuse_unmarked(path, before)
+            _remove_leftovers(path, before)
+            work = path / f"{_DRAFT_PREFIX}{secrets.token_hex(8)}"
+            try:
+                make_own_folder(work)
+                draft = Draft(work / "data", licences=set(licences) | inherited)
+                make_own_folder(draft.folder)
+                yield draft
+                files, content = _hash_and_flush(draft.folder, kind)
+                digest = digest_of(kind, schema_version, content)
+                fields = {
+                    "kind": kind,
+                    "schema_version": schema_version,
+                    "manifest_version": MANIFEST_VERSION,
+                    "created_by": f"pumps {PUMPS_VERSION}",
+                    "stage": stage,
+                    "config": plain_config,
+                    "inputs": [*references, *(_reference(path, *source) for source in draft.sources)],
+                    "files": files,
+                    "content": content,
+                    "digest": digest,
+                    "licences": sorted(draft.licences),
+                    "summary": plain_data(draft.summary),
+                }
+                _swap_manifest(path, work, fields | {"data": _settle(draft.folder, path, digest, files)})
+            finally:
+                remove_own_folder(work)
+                # After the swap the old data, before it the data that no manifest came to name.
+                _remove_leftovers(path, before)
         finally:
             _remove_if_empty(path)
 
@@ -172,8 +201,17 @@ def _describe_inputs(
             kind, digest = artefact.manifest.kind, artefact.manifest.digest
         else:
             kind, digest = digest_of_source(where)
-        references.append(InputRef(path=_relative(where, path), kind=kind, digest=digest))
+        references.append(_reference(path, where, kind, digest))
     return references, licences
+
+
+def _reference(path: Path, where: Path, kind: str, digest: str) -> InputRef:
+    try:
+        return InputRef(path=_relative(where, path), kind=kind, digest=digest)
+    except ValidationError:
+        raise PumpsError(
+            f"The input {where} has a path that a manifest cannot hold.", "Give a shorter path."
+        ) from None
 
 
 def _relative(where: Path, to: Path) -> str:
@@ -185,11 +223,13 @@ def _relative(where: Path, to: Path) -> str:
 
 def _make_folder(path: Path) -> None:
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        if not path.is_dir():
+            path.mkdir(parents=True, exist_ok=True)
+            flush_to_disk(path.parent)
     except FileExistsError:
         raise UsageError(f"{path} is a file; an artefact is a folder.", "Give another name for the output.") from None
     except OSError as error:
-        raise PumpsError(f"{path} cannot be made: {error.strerror}.") from None
+        raise cannot_be_written(path, error) from None
 
 
 def refuse_foreign(path: Path, kind: str) -> None:
@@ -197,6 +237,8 @@ def refuse_foreign(path: Path, kind: str) -> None:
     if not os.path.lexists(path / MANIFEST_NAME):
         return
     try:
+        if not stat.S_ISREG(os.lstat(path / MANIFEST_NAME).st_mode):  # a link or a pipe, say
+            raise ValueError
         raw = json.loads((path / MANIFEST_NAME).read_bytes())
         found = raw["kind"] if isinstance(raw["schema_version"], int) else None
     except (OSError, ValueError, RecursionError, KeyError, TypeError):
@@ -213,89 +255,111 @@ def refuse_foreign(path: Path, kind: str) -> None:
         )
 
 
-def _remove_leftovers(path: Path) -> None:
-    """Remove leftovers of earlier writes: drafts, and data folders that the manifest does not name."""
-    current = None
-    if os.path.lexists(path / MANIFEST_NAME):
-        try:
-            current = read_manifest(path).data
-        except InputError:  # damaged or newer: its data folder is unknown, so no data folder is removed
-            return
+def _data_folder_of(path: Path) -> str | None:
+    """Name of the data folder that the manifest names; None if there is no manifest, or it is damaged or newer."""
+    try:
+        return read_manifest(path).data
+    except InputError:
+        return None
+
+
+def _refuse_unmarked(path: Path, current: str | None) -> None:
+    """Raise UsageError for a folder that has a name of pumps' own folders and that pumps did not make."""
+    if current is None and os.path.lexists(path / MANIFEST_NAME):  # the manifest's own data folder is unknown
+        return
     for entry in path.iterdir():
-        if _OURS.fullmatch(entry.name) and entry.name != current:
-            if entry.is_dir() and not entry.is_symlink():
-                shutil.rmtree(entry, ignore_errors=True)
+        if _NAMES_OF_OURS.fullmatch(entry.name) and entry.name != current:
+            refuse_unmarked(entry)
+
+
+def _remove_leftovers(path: Path, before: str | None) -> None:
+    """Remove drafts, and data folders that the manifest does not name: marked ones, and the one it named before."""
+    current = _data_folder_of(path)
+    if current is None and os.path.lexists(path / MANIFEST_NAME):
+        return
+    for entry in path.iterdir():
+        if _NAMES_OF_OURS.fullmatch(entry.name) and entry.name != current:
+            if entry.name == before and entry.is_dir() and not entry.is_symlink():
+                remove_folder(entry)  # artefacts of older versions have no marker
             else:
-                with suppress(OSError):
-                    entry.unlink()
+                remove_own_folder(entry)
 
 
-def _hash_and_flush(folder: Path) -> dict[str, str]:
-    """Flush every file in `folder` to the disk and return its sha256. Raises PumpsError for all but plain files."""
+def _hash_and_flush(folder: Path, kind: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Flush every file in `folder` to the disk and return the sha256 of its bytes, and the digest of what it says.
+
+    Raises: PumpsError for all but plain files.
+    """
     files: dict[str, str] = {}
+    content: dict[str, str] = {}
     for found in sorted(folder.rglob("*")):
         name = found.relative_to(folder).as_posix()
-        if found.is_symlink() or not (found.is_file() or found.is_dir()) or not is_inner_name(name):
+        if name != MARKER_NAME and (
+            found.is_symlink() or not (found.is_file() or found.is_dir()) or not is_inner_name(name)
+        ):
             raise PumpsError(
                 f"{name!r} cannot be part of an artefact: only plain files with plain names are allowed."
             )
-        if found.is_file():
+        if found.is_file() and name != MARKER_NAME:
             files[name] = sha256_of_file(found)
-        _flush(found)
+            says = content_digest(found, kind)
+            if says is not None:
+                content[name] = says
+        flush_to_disk(found)
     if not files:
-        raise PumpsError(f"The stage wrote no file for {folder.parent}.")
-    _flush(folder)
-    return files
+        raise PumpsError(f"The stage wrote no file for {folder.parent.parent}.")
+    flush_to_disk(folder)
+    return files, content
 
 
-def _settle(draft: Path, digest: str, files: Mapping[str, str]) -> str:
+def _settle(draft: Path, path: Path, digest: str, files: Mapping[str, str]) -> str:
     """Rename the draft by its content and return the name; an equal folder that exists already is used instead."""
     name = first = f"{DATA_PREFIX}{digest[:16]}"
     attempt = 1
-    while (draft.parent / name).exists():
-        if _holds(draft.parent / name, files):
-            shutil.rmtree(draft)
+    while os.path.lexists(path / name):
+        if _holds(path / name, files):
             return name
-        # A damaged copy of the same content has this name; it is removed after the manifest is replaced.
+        # Other bytes of the same content have this name; they are removed after the manifest is replaced.
         attempt += 1
         name = f"{first}-{attempt}"
-    os.rename(draft, draft.parent / name)
-    _flush(draft.parent)
+    os.rename(draft, path / name)
+    flush_to_disk(path)
     return name
 
 
 def _holds(folder: Path, files: Mapping[str, str]) -> bool:
+    if not is_own_folder(folder):
+        return False
     try:
         found = {f.relative_to(folder).as_posix() for f in folder.rglob("*") if not f.is_dir() or f.is_symlink()}
-        return found == set(files) and all(sha256_of_file(folder / name) == sha for name, sha in files.items())
+        return found - {MARKER_NAME} == set(files) and all(
+            sha256_of_file(folder / name) == sha for name, sha in files.items()
+        )
     except OSError:
         return False
 
 
-def _swap_manifest(path: Path, manifest: Manifest) -> None:
-    text = json.dumps(manifest.model_dump(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    temporary = path / f".manifest-{secrets.token_hex(8)}"
-    with open(temporary, "wb") as file:
-        file.write(text.encode("utf-8", errors="backslashreplace"))
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path / MANIFEST_NAME)
-    _flush(path)
-
-
-def _flush(path: Path) -> None:
-    """Flush a file or folder to the disk, so that after a power cut no manifest names files that were lost."""
-    with suppress(PermissionError):  # folders cannot be opened on every system
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+def _swap_manifest(path: Path, work: Path, fields: dict[str, Any]) -> None:
+    """Check the new manifest, write it to the disk and put it in the place of the old one in one step."""
+    try:
+        manifest = Manifest.model_validate(fields)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        raise PumpsError(
+            f"The manifest of {path} cannot hold this: {'.'.join(map(str, fault['loc']))}: {fault['msg']}.",
+            "Shorten that setting.",
+        ) from None
+    plain = manifest.model_dump(exclude={"manifest_digest"})
+    plain["manifest_digest"] = digest_of_manifest(plain)
+    text = json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    write_flushed(work / MANIFEST_NAME, text.encode("utf-8", errors="backslashreplace"))
+    os.replace(work / MANIFEST_NAME, path / MANIFEST_NAME)
+    flush_to_disk(path)
 
 
 def _remove_if_empty(path: Path) -> None:
     """Remove the folder if a failed first write left it empty."""
     with suppress(OSError):
-        if not any(entry.name != ".lock" for entry in path.iterdir()):
-            (path / ".lock").unlink(missing_ok=True)
+        if not any(entry.name != LOCK_NAME for entry in path.iterdir()):
+            (path / LOCK_NAME).unlink(missing_ok=True)
             path.rmdir()

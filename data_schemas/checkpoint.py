@@ -20,9 +20,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from data_schemas.damaged_files import reading
+from data_schemas.declared_sizes import read_table
+from data_schemas.disk import check_room
 from data_schemas.errors import InputError
 from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact, read_newest
@@ -76,6 +78,7 @@ def write_checkpoint(
     Arrays are float32, float16 or any NumPy number; the same content gives the same bytes.
     """
     folder = Path(folder)
+    check_room(folder, sum(array.nbytes for array in (*weights.values(), *(optimiser or {}).values())))
     _save(weights, folder / WEIGHTS_NAME)
     if optimiser is not None:
         _save(optimiser, folder / OPTIMISER_NAME)
@@ -125,7 +128,7 @@ def read_checkpoint_folder(folder: str | os.PathLike[str], *, optimiser: bool = 
     with reading(folder / LOG_NAME):
         log = [
             {name: value for name, value in entry.items() if value is not None}
-            for entry in pq.ParquetFile(folder / LOG_NAME).read().to_pylist()
+            for entry in read_table(folder / LOG_NAME).to_pylist()
         ]
     with reading(folder / CARD_NAME):
         card = (folder / CARD_NAME).read_text(encoding="utf-8")
@@ -144,7 +147,8 @@ def _save(arrays: Mapping[str, np.ndarray], path: Path) -> None:
     for number, names in enumerate(shards, 1):
         # safetensors writes the memory of a strided view in the wrong order, so every array is made contiguous first.
         content = {name: np.array(arrays[name], order="C") for name in names}
-        save_file(content, path if len(shards) == 1 else _shard(path, number, len(shards)))
+        # Made in memory and written here: a disk that is full is an OSError.
+        (path if len(shards) == 1 else _shard(path, number, len(shards))).write_bytes(save(content))
 
 
 def _in_shards(arrays: Mapping[str, np.ndarray]) -> list[list[str]]:

@@ -15,8 +15,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from data_schemas.damaged_files import reading
+from data_schemas.declared_sizes import read_table
 from data_schemas.errors import InputError
 from data_schemas.hdf5_arrays import group_in
+from data_schemas.hdf5_writing import NewHdf5
 from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact, read_newest
 from data_schemas.migrations import migrated_folder
@@ -90,17 +92,19 @@ def read_clips(folder: Path) -> tuple[ClipRow, ...]:
     """Read the index of `folder`. Raises InputError if it is missing, damaged or holds impossible values."""
     path = folder / CLIPS_NAME
     with reading(path):
-        table = pq.ParquetFile(path).read()
+        table = read_table(path)
         missing = sorted(set(_INDEX.names) - set(table.column_names))
         if missing:
             raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")
-        rows = tuple(_row_of(row) for row in table.select(_INDEX.names).cast(_INDEX).to_pylist())
-    names: set[str] = set()
+        table = table.select(_INDEX.names).cast(_INDEX)
+        different = len(table.column("clip").unique())
+        if different < table.num_rows:  # before a row of each is made
+            raise InputError(f"{path} is damaged: it names {table.num_rows - different} clips twice.")
+        rows = tuple(_row_of(row) for row in table.to_pylist())
     for row in rows:
-        fault = _fault_of(row) or (f"names the clip {row.clip!r} twice" if row.clip in names else None)
+        fault = _fault_of(row)
         if fault:
             raise InputError(f"{path} is damaged: it {fault}.")
-        names.add(row.clip)
     return rows
 
 
@@ -122,14 +126,18 @@ _Reader = TypeVar("_Reader", bound="ClipReader")
 
 
 class ClipWriter:
-    """Base of the writers: an HDF5 file with groups `/clips/<clip>`; `close` writes the index."""
+    """Base of the writers: an HDF5 file with groups `/clips/<clip>`; `close` writes the index.
+
+    Raises: OSError, from each method that writes, if the disk is full.
+    """
 
     FILE: ClassVar[str]
 
     def __init__(self, folder: str | os.PathLike[str], *, libver: str | None = None):
         self._folder = Path(folder)
         self._rows: dict[str, ClipRow] = {}
-        self._file = h5py.File(self._folder / self.FILE, "x", libver=libver)
+        self._new = NewHdf5(self._folder / self.FILE, libver=libver)
+        self._file = self._new.file
         self._clips = self._file.create_group("clips")
 
     def _new_clip(self, row: ClipRow, frames: int) -> h5py.Group:
@@ -140,13 +148,14 @@ class ClipWriter:
             fault = f"gives the clip {row.clip!r} {row.frames} frames, but its arrays have {frames}"
         if fault:
             raise InputError(f"The index {fault}.")
+        self._new.check()
         self._rows[row.clip] = row
         return self._clips.create_group(row.clip)
 
     def close(self) -> None:
         """Write the index and close the file. Without this call the artefact is incomplete."""
         if self._file:
-            self._file.close()
+            self._new.close()
             write_clips(self._folder, list(self._rows.values()))
 
     def __enter__(self: _Self) -> _Self:
@@ -156,7 +165,7 @@ class ClipWriter:
         if kind is None:
             self.close()
         else:
-            self._file.close()
+            self._new.discard()
 
 
 class ClipReader:
@@ -192,6 +201,11 @@ class ClipReader:
         except BaseException:
             self._clean()
             raise
+
+    @property
+    def stored_bytes(self) -> int:
+        """Size of the HDF5 file."""
+        return self._path.stat().st_size
 
     def row(self, clip: str) -> ClipRow:
         """The index row of a clip. Raises InputError for an unknown name."""

@@ -7,6 +7,8 @@ from typing import Any
 import h5py
 import numpy as np
 
+from data_schemas.declared_sizes import check_stored_array
+
 CHUNK_FRAMES = 256  # a training window of 128 frames lies in one or two chunks
 _UNIT_TOLERANCE = 0.01
 _TEXT_LIMIT_BYTES = 64 * 2**20
@@ -86,6 +88,7 @@ def _dataset_in(parent: h5py.Group, name: str) -> h5py.Dataset:
     item = _member(parent, name)
     if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
         raise ValueError(f"{parent.name}/{name} is not an array within this file")
+    check_stored_array(item)
     return item
 
 

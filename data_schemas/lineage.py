@@ -7,8 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import pyarrow as pa
+
+from data_schemas.content_digest import content_digest
 from data_schemas.errors import InputError
-from data_schemas.manifest import Artefact, InputRef, digest_of, open_artefact, sha256_of_file
+from data_schemas.manifest import (
+    MANIFEST_VERSION,
+    Artefact,
+    InputRef,
+    Manifest,
+    manifest_has_changed,
+    open_artefact,
+    sha256_of_file,
+)
+from data_schemas.own_folders import MARKER_NAME
 
 State = Literal["same", "changed", "missing", "damaged", "cyclic", "unchecked"]
 
@@ -41,7 +53,10 @@ class LineageNode:
 
 
 def verify(path: str | os.PathLike[str]) -> list[str]:
-    """Compare an artefact's files with its manifest, byte for byte.
+    """Compare an artefact with what was written: its files byte for byte, and every field of its manifest.
+
+    An older artefact's manifest holds no digest of its own fields: of those, only the files are compared
+    (`covers_manifest`).
 
     Returns:
         One sentence for each problem; empty if nothing has changed.
@@ -60,13 +75,31 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
             continue
         if found != expected:
             problems.append(f"{name} has changed: its sha256 is {found}, the manifest says {expected}.")
+        elif covers_manifest(manifest) and not _says(artefact.folder / name, manifest, name):
+            problems.append(f"{name} does not hold what the manifest's digest was made of.")
     for extra in sorted(artefact.folder.rglob("*")):
         name = extra.relative_to(artefact.folder).as_posix()
-        if not extra.is_dir() and name not in manifest.files:
+        if not extra.is_dir() and name not in manifest.files and name != MARKER_NAME:
             problems.append(f"{name} is not listed in the manifest.")
-    if manifest.digest != digest_of(manifest.kind, manifest.schema_version, manifest.files):
+    if manifest.digest != manifest.expected_digest:
         problems.append("The manifest's digest does not match the files it lists.")
+    if covers_manifest(manifest) and manifest_has_changed(artefact.path):
+        problems.append(
+            "The manifest has changed: its config, inputs, licences, summary or another field is not as written."
+        )
     return problems
+
+
+def covers_manifest(manifest: Manifest) -> bool:
+    """Whether `verify` can find changes of the manifest's own fields; artefacts of older versions do not allow it."""
+    return manifest.manifest_version >= MANIFEST_VERSION
+
+
+def _says(path: Path, manifest: Manifest, name: str) -> bool:
+    try:
+        return content_digest(path, manifest.kind) == manifest.content.get(name)
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError, MemoryError, pa.ArrowException):
+        return False
 
 
 def lineage(path: str | os.PathLike[str]) -> LineageNode:

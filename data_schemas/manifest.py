@@ -19,21 +19,37 @@ import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from data_schemas.errors import InputError
 from data_schemas.kinds import KINDS
+from data_schemas.manifest_bounds import (
+    MOST_FILES,
+    MOST_INPUTS,
+    MOST_LICENCES,
+    Creator,
+    InputPath,
+    Licence,
+    PlainName,
+    PlainTree,
+    Sha256,
+    Version,
+    is_plain_name,
+    is_sha256,
+)
 from data_schemas.version import PUMPS_VERSION
 
 MANIFEST_NAME = "manifest.json"
 DATA_PREFIX = "data-"
 MANIFEST_LIMIT_BYTES = 256 * 2**20  # far more than any real manifest; a hostile one must not fill the memory
 
+MANIFEST_VERSION = 2  # 1: without `content` and `manifest_digest`, and `digest` is that of the files' bytes
+_LONGEST_NAME = 1000
+
 _DATA_FOLDER = re.compile(r"data-[0-9a-f]{16}(-[0-9]+)?")
 _FILE_PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
-_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 Result = TypeVar("Result")
 
@@ -48,9 +64,9 @@ class InputRef(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
-    path: str
-    kind: str
-    digest: str
+    path: InputPath
+    kind: PlainName
+    digest: Sha256
 
 
 class Manifest(BaseModel):
@@ -61,25 +77,33 @@ class Manifest(BaseModel):
     stage:      the stage that wrote it; `config`: the whole config of that run.
     inputs:     the artefacts and files it was made from.
     data:       the name of the data folder beside the manifest.
-    files:      relative file name -> sha256; `digest`: the digest of kind, version and files together. It depends on
-                no time: the same inputs, config and seed give the same digest.
+    files:      relative file name -> sha256 of its bytes.
+    content:    relative file name -> sha256 of its arrays, columns or settings (`data_schemas.content_digest`); files
+                that hold none of their own are left out. {} in manifests of version 1.
+    digest:     the digest of kind, version and content together. It depends on no time and no compression: the same
+                inputs, settings and seed give the same digest. In manifests of version 1: of kind, version and files.
     licences:   of its own sources and of its inputs.
     summary:    facts that the stage reports, plain data.
+    manifest_version: of the manifest itself; 1 where it is not stated.
+    manifest_digest:  sha256 of all other fields, so that `verify` finds a change in any of them; "" in version 1.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
 
-    kind: str
-    schema_version: int
-    created_by: str
-    stage: str
-    config: dict[str, Any]
-    inputs: list[InputRef]
+    kind: PlainName
+    schema_version: Version
+    created_by: Creator
+    stage: PlainName
+    config: PlainTree
+    inputs: list[InputRef] = Field(max_length=MOST_INPUTS)
     data: str
-    files: dict[str, str]
-    digest: str
-    licences: list[str]
-    summary: dict[str, Any]
+    files: dict[str, Sha256] = Field(max_length=MOST_FILES)
+    digest: Sha256
+    licences: list[Licence] = Field(max_length=MOST_LICENCES)
+    summary: PlainTree
+    content: dict[str, Sha256] = Field(default={}, max_length=MOST_FILES)
+    manifest_version: Version = 1
+    manifest_digest: str = ""
 
     @field_validator("data")
     @classmethod
@@ -88,15 +112,27 @@ class Manifest(BaseModel):
             raise ValueError("is not the name of a data folder")
         return value
 
-    @field_validator("files")
+    @field_validator("files", "content")
     @classmethod
     def _files_stay_inside(cls, value: dict[str, str]) -> dict[str, str]:
-        for name, sha256 in value.items():
-            if not is_inner_name(name):
-                raise ValueError(f"names {name!r}, which is not a plain path inside the artefact")
-            if not _SHA256.fullmatch(sha256):
-                raise ValueError(f"gives no sha256 for {name!r}")
+        for name in value:
+            if len(name) > _LONGEST_NAME or not is_inner_name(name):
+                raise ValueError(f"names {name[:200]!r}, which is not a plain path inside the artefact")
         return value
+
+    @field_validator("manifest_digest")
+    @classmethod
+    def _digest_or_none(cls, value: str) -> str:
+        if value and not is_sha256(value):
+            raise ValueError("is not a sha256 of 64 hex digits")
+        return value
+
+    @property
+    def expected_digest(self) -> str:
+        """The digest that belongs to the kind, the version and the files' digests of this manifest."""
+        if self.manifest_version < MANIFEST_VERSION:
+            return digest_of_files(self.kind, self.schema_version, self.files)
+        return digest_of(self.kind, self.schema_version, self.content)
 
 
 @dataclass(frozen=True)
@@ -131,10 +167,31 @@ def sha256_of_file(path: Path) -> str:
     return total.hexdigest()
 
 
-def digest_of(kind: str, schema_version: int, files: Mapping[str, str]) -> str:
-    """Digest of an artefact: sha256 over its kind, its version and its files' names and sha256."""
-    text = json.dumps([kind, schema_version, sorted(files.items())], separators=(",", ":"))
+def digest_of(kind: str, schema_version: int, content: Mapping[str, str]) -> str:
+    """Digest of an artefact: sha256 over its kind, its version, its files' names and the digests of what they say."""
+    return _sha256_of_json(["content", kind, schema_version, sorted(content.items())])
+
+
+def digest_of_files(kind: str, schema_version: int, files: Mapping[str, str]) -> str:
+    """Digest of an artefact whose manifest has version 1: of its files' bytes."""
+    return _sha256_of_json([kind, schema_version, sorted(files.items())])
+
+
+def digest_of_manifest(fields: Mapping[str, Any]) -> str:
+    """sha256 of all fields of a manifest, as they stand in its JSON, but `manifest_digest`."""
+    covered = {name: value for name, value in fields.items() if name != "manifest_digest"}
+    text = json.dumps(covered, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def manifest_has_changed(folder: Path) -> bool:
+    """Whether a manifest of version 2 differs from the one that was written. Raises InputError if it is not JSON."""
+    raw = read_json(folder)
+    return raw.get("manifest_digest") != digest_of_manifest(raw)
+
+
+def _sha256_of_json(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, separators=(",", ":")).encode()).hexdigest()
 
 
 def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Artefact:
@@ -186,9 +243,9 @@ def read_newest(artefact: Artefact | str | os.PathLike[str], kind: str, read: Ca
 
 def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
     """Read and check `folder`/manifest.json, but not the data. Raises InputError as `open_artefact` does."""
-    raw = _read_json(folder)
-    found, version = raw.get("kind"), raw.get("schema_version")
-    if not isinstance(found, str) or not isinstance(version, int) or isinstance(version, bool):
+    raw = read_json(folder)
+    found, version, form = raw.get("kind"), raw.get("schema_version"), raw.get("manifest_version", 1)
+    if not isinstance(found, str) or not is_plain_name(found) or not _is_whole(version) or not _is_whole(form):
         raise InputError(
             f"{folder / MANIFEST_NAME} is not a manifest of a pumps artefact: it lacks kind and schema_version.",
             "Give the folder that a pumps stage wrote.",
@@ -202,10 +259,16 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
         raise InputError(
             f"{folder} is an artefact of kind {found!r}, which pumps {PUMPS_VERSION} cannot read.", newer_hint
         )
+    if form > MANIFEST_VERSION:
+        raise InputError(
+            f"{folder} has a manifest of version {_text(form)}, and pumps {PUMPS_VERSION} reads versions up to "
+            f"{MANIFEST_VERSION}.",
+            newer_hint,
+        )
     if version > KINDS[found].schema_version:
         raise InputError(
-            f"{folder} is a {found!r} artefact of version {version}, and pumps {PUMPS_VERSION} reads versions up to "
-            f"{KINDS[found].schema_version}.",
+            f"{folder} is a {found!r} artefact of version {_text(version)}, and pumps {PUMPS_VERSION} reads versions "
+            f"up to {KINDS[found].schema_version}.",
             newer_hint,
         )
     try:
@@ -217,7 +280,8 @@ def read_manifest(folder: Path, kind: str | None = None) -> Manifest:
         ) from None
 
 
-def _read_json(folder: Path) -> dict[str, Any]:
+def read_json(folder: Path) -> dict[str, Any]:
+    """The fields of `folder`/manifest.json, not yet checked. Raises InputError if it is missing or not JSON."""
     path = folder / MANIFEST_NAME
     try:
         status = path.stat()
@@ -243,6 +307,10 @@ def _read_json(folder: Path) -> dict[str, Any]:
             f"{path} is not a manifest of a pumps artefact.", "Give the folder that a pumps stage wrote."
         )
     return raw
+
+
+def _is_whole(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _first_missing(folder: Path, manifest: Manifest) -> str | None:

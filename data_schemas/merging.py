@@ -15,6 +15,7 @@ from data_schemas.clips import ClipReader, ClipRow, write_clips
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError, UsageError
 from data_schemas.hdf5_arrays import group_in
+from data_schemas.hdf5_writing import NewHdf5
 from data_schemas.latent import LatentReader
 from data_schemas.manifest import Artefact
 from data_schemas.motion import MotionReader
@@ -45,7 +46,11 @@ def merge_artefacts(paths: Sequence[str | os.PathLike[str]], output: str | os.Pa
     with ExitStack() as opened:
         readers = [opened.enter_context(READERS[kinds[0]](artefact)) for artefact in artefacts]
         config = {"merged": [artefact.manifest.config for artefact in artefacts], "stages": stages}
-        with write_artefact(output, kinds[0], stage="merge", config=config, inputs=artefacts) as draft:
+        # Groups are copied as they are stored, so that the whole is as large as its parts, but for what they share.
+        least = sum(reader.stored_bytes for reader in readers) // 2
+        with write_artefact(
+            output, kinds[0], stage="merge", config=config, inputs=artefacts, least_bytes=least
+        ) as draft:
             rows = _merge_into(draft.folder, readers)
             draft.summary |= {"clips": len(rows), "frames": sum(row.frames for row in rows), "parts": len(readers)}
     return rows
@@ -56,7 +61,8 @@ def _merge_into(folder: Path, readers: Sequence[ClipReader]) -> tuple[ClipRow, .
     sources: list[SourceRow] = []
     seen: dict[tuple[str, str], Artefact] = {}
     names: set[str] = set()
-    with h5py.File(folder / readers[0].FILE, "x") as file:
+    new = NewHdf5(folder / readers[0].FILE)
+    with new as file:
         clips = file.create_group("clips")
         for reader in readers:
             sources += read_sources(reader.folder)
@@ -73,6 +79,7 @@ def _merge_into(folder: Path, readers: Sequence[ClipReader]) -> tuple[ClipRow, .
                 for row in reader.clips:
                     name = _free_name(row.clip, names)
                     part.copy(group_in(group_in(part, "clips"), row.clip), clips, name)
+                    new.check()
                     rows.append(replace(row, clip=name))
     rows.sort(key=lambda row: (row.source, row.clip))
     write_clips(folder, rows)

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from data_schemas.damaged_files import reading
+from data_schemas.declared_sizes import read_table
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, read_newest
 from data_schemas.migrations import migrated_folder
@@ -76,7 +77,7 @@ def _migrated(found: Artefact) -> tuple[list[MetricRow], str]:
 def _read(folder: Path) -> tuple[list[MetricRow], str]:
     path = folder / METRICS_NAME
     with reading(path):
-        table = pq.ParquetFile(path).read()
+        table = read_table(path)
         missing = sorted(set(_COLUMNS.names) - set(table.column_names))
         if missing:
             raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")

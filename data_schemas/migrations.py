@@ -19,6 +19,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from data_schemas.declared_sizes import read_table
+from data_schemas.disk import disk_faults_reported
 from data_schemas.errors import InputError
 from data_schemas.kinds import KINDS
 from data_schemas.manifest import Artefact
@@ -46,7 +48,8 @@ def migrated_folder(artefact: Artefact, scratch: Path) -> Path:
         target = scratch / f"version-{version}"
         target.mkdir()
         try:
-            step(folder, target)
+            with disk_faults_reported(scratch):
+                step(folder, target)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
             raise InputError(
                 f"{artefact.path} is damaged: its data of version {version - 1} cannot be read ({error}).",
@@ -67,7 +70,7 @@ def carry_over(source: Path, target: Path, name: str) -> None:
 def _motion_0_to_1(source: Path, target: Path) -> None:
     """Version 1 added the column `flags`, the changes that ingest made to a clip; it is empty for older clips."""
     carry_over(source, target, "motions.h5")
-    table = pq.ParquetFile(source / "clips.parquet").read()
+    table = read_table(source / "clips.parquet")
     flags = pa.array([""] * table.num_rows, pa.string())
     pq.write_table(table.append_column("flags", flags), target / "clips.parquet")
 
@@ -77,7 +80,7 @@ def _clips_1_to_2(source: Path, target: Path) -> None:
     for path in source.iterdir():
         if path.name != "clips.parquet":
             carry_over(source, target, path.name)
-    table = pq.ParquetFile(source / "clips.parquet").read()
+    table = read_table(source / "clips.parquet")
     for name, value in asdict(MotionQuality()).items():
         kind = pa.float64() if value is None else None
         table = table.append_column(name, pa.array([value] * table.num_rows, kind))
@@ -90,7 +93,7 @@ def _motion_2_to_3(source: Path, target: Path) -> None:
         if path.name != "sources.parquet":
             carry_over(source, target, path.name)
     if (source / "sources.parquet").exists():
-        table = pq.ParquetFile(source / "sources.parquet").read()
+        table = read_table(source / "sources.parquet")
         flags = pa.array([""] * table.num_rows, pa.string())
         pq.write_table(table.append_column("flags", flags), target / "sources.parquet")
 
@@ -104,7 +107,7 @@ def _tpc_2_to_3(source: Path, target: Path) -> None:
 def _metrics_1_to_2(source: Path, target: Path) -> None:
     """Version 2 states velocity jumps in metres per second; before, in millimetres per frame at 30 fps."""
     carry_over(source, target, "summary.md")
-    table = pq.ParquetFile(source / "metrics.parquet").read()
+    table = read_table(source / "metrics.parquet")
     rows = table.to_pylist()
     for row in rows:
         if row["metric"] == "key_jump_mm":
@@ -130,7 +133,7 @@ def _checkpoint_1_to_2(source: Path, target: Path) -> None:
 
 def _training_of_log(folder: Path) -> dict[str, Any]:
     """Steps and minutes of a training, from the last row of its log."""
-    rows = pq.ParquetFile(folder / "log.parquet").read().to_pylist()
+    rows = read_table(folder / "log.parquet").to_pylist()
     last = rows[-1] if rows else {}
     return {"steps": last.get("step") or 0, "minutes": round((last.get("seconds") or 0) / 60, 1)}
 

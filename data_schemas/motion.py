@@ -95,7 +95,7 @@ class MotionWriter(ClipWriter):
         """
         if row.skeleton not in self._joints:
             raise InputError(f"The clip {row.clip!r} names the skeleton {row.skeleton!r}, which was not added.")
-        fault = _fault_of_motion(motion, self._joints[row.skeleton])
+        fault = fault_of_motion(motion, self._joints[row.skeleton])
         if fault is None and abs(row.fps - motion.fps) > 1e-9 * motion.fps:
             fault = f"has {motion.fps} frames a second, its row says {row.fps}"
         if fault:
@@ -154,7 +154,7 @@ class MotionReader(ClipReader):
                 fps=row.fps,
                 **_read_tracks(group, row, window),
             )
-            fault = _fault_of_motion(motion, joints)
+            fault = fault_of_motion(motion, joints)
             if fault:
                 raise InputError(f"{self._path} is damaged: the motion {clip!r} {fault}.")
             return motion
@@ -221,7 +221,8 @@ def fault_of_skeleton(skeleton: Skeleton) -> str | None:
     return None
 
 
-def _fault_of_motion(motion: Motion, joints: int) -> str | None:
+def fault_of_motion(motion: Motion, joints: int) -> str | None:
+    """The fault of a motion's arrays, as the end of a sentence; None if they can be stored for `joints` joints."""
     frames, tracked = motion.rotations.shape[0], len(motion.track_joints)
     if frames == 0:
         return "has no frames"

@@ -19,6 +19,7 @@ import h5py
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from data_schemas.declared_sizes import check_stored_array
 from data_schemas.hdf5_arrays import CHUNK_FRAMES
 
 TURN_STEP_RAD = np.pi / 8191
@@ -132,6 +133,7 @@ def _read(group: h5py.Group, name: str, kind: Any, window: slice, shape: tuple[i
         raise ValueError(f"{group.name}/{name} is not an array within this file")
     if stored.shape != shape or stored.dtype != kind:
         raise ValueError(f"{group.name}/{name} is {stored.dtype} of the shape {stored.shape}, expected {shape}")
+    check_stored_array(stored)
     first = window.start // CHUNK_FRAMES * CHUNK_FRAMES
     apart = np.asarray(stored[:, first : window.stop])
     pieces = [

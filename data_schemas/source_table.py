@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from data_schemas.damaged_files import reading
+from data_schemas.declared_sizes import read_table
 from data_schemas.errors import InputError
 
 SOURCES_NAME = "sources.parquet"
@@ -63,7 +64,7 @@ def read_sources(folder: Path) -> tuple[SourceRow, ...]:
     if not path.exists():
         return ()
     with reading(path):
-        table = pq.ParquetFile(path).read()
+        table = read_table(path)
         missing = sorted(set(_TABLE.names) - set(table.column_names))
         if missing:
             raise InputError(f"{path} is damaged: it lacks the columns {', '.join(missing)}.")

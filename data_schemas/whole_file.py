@@ -1,4 +1,4 @@
-"""Writing files atomically: to a temporary file in the same folder, which is then renamed."""
+"""Writing files atomically: to a temporary file in the same folder, which is flushed to the disk and then renamed."""
 
 from __future__ import annotations
 
@@ -6,29 +6,37 @@ import os
 import tempfile
 from pathlib import Path
 
-from data_schemas.errors import PumpsError
+from data_schemas.disk import cannot_be_written, check_room, flush_to_disk, refuse_special
 
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file that appears whole or not at all; missing folders are created, an old file is replaced.
 
-    Raises: PumpsError if it cannot be written.
+    The bytes are on the disk before the old file is replaced, and the new name is on the disk before this returns, so
+    that a power cut leaves the old file or the new one.
+
+    Raises:
+        UsageError: `path` is a link, a device, a pipe or a socket.
+        PumpsError: it cannot be written; the old file is unchanged.
     """
+    refuse_special(path)
+    check_room(path, len(data))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, draft = tempfile.mkstemp(prefix=".pumps-", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
-            os.chmod(draft, 0o666 & ~_umask())
+                file.flush()
+                os.fchmod(file.fileno(), 0o666 & ~_umask())
+                os.fsync(file.fileno())
             os.replace(draft, path)
         except BaseException:
             Path(draft).unlink(missing_ok=True)
             raise
+        flush_to_disk(path.parent)
     except OSError as error:
-        raise PumpsError(
-            f"{path} cannot be written: {error.strerror}.", "Check the folder and its free space."
-        ) from None
+        raise cannot_be_written(path, error) from None
 
 
 def _umask() -> int:

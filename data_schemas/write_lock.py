@@ -15,7 +15,8 @@ try:
 except ImportError:  # this system has no such locks: two writers are not prevented
     fcntl = None
 
-LOCK_NAME = ".lock"
+LOCK_NAME = ".pumps-lock"
+_LOCK_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 _held: set[Path] = set()
 _held_guard = threading.Lock()
@@ -52,7 +53,7 @@ def _take(path: Path) -> int | None:
         return None
     while True:
         try:
-            descriptor = os.open(path / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            descriptor = os.open(path / LOCK_NAME, _LOCK_FLAGS, 0o666)
         except OSError as error:
             raise PumpsError(f"{path} cannot be written: {error.strerror}.") from None
         try:

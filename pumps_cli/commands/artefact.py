@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 BAD_INPUT = 3
 _WIDEST_VALUE = 200
+_OLDER = (
+    "An older pumps wrote it: its config, inputs, licences and summary are not covered by a digest. Run the stage "
+    "that made it again to cover them."
+)
 
 app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog="Example: pumps artefact show runs/demo/ingest")
 
@@ -42,16 +46,22 @@ def show_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = Fa
 
 @app.command("verify", cls=HelpCommand, epilog="Example: pumps artefact verify runs/demo/ingest")
 def verify_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = False, debug: Debug = False) -> None:
-    """Compare every file with the digest in the manifest; exit code 3 if any has changed."""
-    from data_schemas.artefact import open_artefact, verify
+    """Compare every file and the manifest's own fields with their digests; exit code 3 if any has changed."""
+    from data_schemas.artefact import covers_manifest, open_artefact, verify
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with errors_reported(manner, "pumps artefact verify"):
         problems = verify(path)
-        files = len(open_artefact(path).manifest.files)
-        verdict = problems or [f"{files} files are as they were written."]
+        manifest = open_artefact(path).manifest
+        covered = covers_manifest(manifest)
+        verdict = problems or [f"{len(manifest.files)} files are as they were written."]
+        if covered and not problems:
+            verdict = [f"{len(manifest.files)} files and the manifest are as they were written."]
+        if not covered:
+            verdict = [*verdict, _OLDER]
         lines = [f"{path}: {sentence}" for sentence in verdict]
-        show(manner, lambda: lines, lambda: {"path": str(path), "problems": problems})
+        data = {"path": str(path), "problems": problems, "manifest_covered": covered}
+        show(manner, lambda: lines, lambda: data)
         if problems:
             raise typer.Exit(BAD_INPUT)
 

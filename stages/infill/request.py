@@ -10,7 +10,8 @@ from data_schemas.errors import InputError, UsageError
 from stages.infill.config import Config
 from stages.shared.inference.keyframes import parse_keyframes, parse_transition
 
-MOST_FRAMES = 10_000_000
+MOST_FRAMES = 1_000_000  # of an output: 9 hours at 30 frames a second, and 1.3 GB of memory
+_ALWAYS_FRAMES = 100_000  # that any input may ask for; beyond them up to a hundred for each of its rows
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,11 @@ class Request:
         return np.setdiff1d(np.arange(self.keys[0], self.frames), np.fromiter(self.kept, np.int64))
 
 
+def most_frames(rows: int) -> int:
+    """The most frames that an output may have, for an input of `rows` rows."""
+    return max(rows, min(MOST_FRAMES, max(_ALWAYS_FRAMES, 100 * rows)))
+
+
 def request_of(config: Config, rows: int, fps: float) -> Request:
     """What a config asks of a file of `rows` rows at `fps` frames a second.
 
@@ -48,8 +54,13 @@ def request_of(config: Config, rows: int, fps: float) -> Request:
     if not given and config.predict is None:
         raise UsageError("Nothing says which frames are keys.", "Give --keyframes, such as every:15 or 0,15,40.")
     added = 0 if config.predict is None else config.predict
-    if config.predict is not None and not 1 <= added <= MOST_FRAMES:
+    if config.predict is not None and added < 1:
         raise UsageError(f"--predict {added} is not a number of frames to append.", "Give 1 or more.")
+    if rows + added > most_frames(rows):
+        raise UsageError(
+            f"--predict {added} asks for {rows + added} frames of {rows}.",
+            f"Give at most {max(most_frames(rows) - rows, 0)}.",
+        )
     if given and given[0] in ("times", "frames"):
         return _sparse(config, rows, fps, added)
     if config.keyframes is not None:
@@ -108,10 +119,13 @@ def _sparse(config: Config, rows: int, fps: float, added: int) -> Request:
         )
     if keys[0] < 0 or (np.diff(keys) <= 0).any():
         raise InputError(f"{name} must rise from 0 or more, and no two keys may share a frame.", "Mend the list.")
-    if keys[-1] + added >= MOST_FRAMES:
-        raise InputError(f"{name} asks for {keys[-1] + 1} frames.", f"Stay below {MOST_FRAMES}.")
     if keys[0] > 0:
         notes.append(f"Frames 0-{keys[0] - 1} lie before the first key and repeat its row.")
+    if keys[-1] + added >= most_frames(rows):
+        raise InputError(
+            f"{name} asks for {keys[-1] + 1 + added} frames between {rows} keys.",
+            f"Stay below frame {most_frames(rows)}.",
+        )
     kept = {frame: 0 for frame in range(int(keys[0]))}
     kept |= {int(frame): row for row, frame in enumerate(keys)}
     request = Request(int(keys[-1]) + 1 + added, keys, np.arange(rows), kept, tuple(notes))
@@ -127,6 +141,6 @@ def _numbers(text: str, option: str) -> np.ndarray:
         values = [float(int(part)) if option == "--frames" else float(part) for part in parts]
     except ValueError:
         raise UsageError(f"{option} {text!r} is not a list of numbers.", "Write for instance 0,15,40.") from None
-    if not values or not np.isfinite(values).all() or max(map(abs, values)) > MOST_FRAMES:
+    if not values or not np.isfinite(values).all() or max(map(abs, values)) > 10 * MOST_FRAMES:
         raise UsageError(f"{option} {text!r} is not a list of numbers.", "Write for instance 0,15,40.")
     return np.array(values)

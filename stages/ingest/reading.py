@@ -7,11 +7,13 @@ import multiprocessing
 import os
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.context import BaseContext
 
-from data_schemas.errors import InputError, PumpsError
+from data_schemas.errors import InputError
+from data_schemas.motion import fault_of_motion, fault_of_skeleton
 from data_schemas.notes import Flag, Note, note
 from data_schemas.quality import MotionQuality
 from stages.shared.formats.readers import AUTO, format_named, read_recordings, recognise
@@ -40,7 +42,7 @@ class Outcome:
 
     format: its format, "" if it was not recognised. reason: why it was not used, else "". hint: how to correct it.
     notes: faults that were corrected. remarks: assumptions about facts that no file states.
-    qualities: one for each recording.
+    sha256: of the source's bytes; "" if they could not be read. qualities: one for each recording.
     """
 
     source: Source
@@ -56,27 +58,48 @@ class Outcome:
 
 
 def read_one(job: Job) -> Outcome:
-    """Read a source; a fault of the source is returned as an outcome, not raised."""
-    source = job.source
-    chosen = None
+    """Read a source; whatever fails is returned as this source's outcome, not raised."""
+    data: list[bytes] = []  # what was read before something failed
+    chosen: list[str] = []
     try:
-        data = source.read()
-        chosen = recognise(data, source.name) if job.format == AUTO else format_named(job.format)
-        if chosen is None:
-            if source.named:
-                raise InputError(
-                    f"{source.name} is not a recording in a format that pumps reads.",
-                    "docs/formats.md lists the formats.",
-                )
-            return Outcome(source, "ignored", reason="It holds no motion.")
-        found = read_recordings(data, source, chosen, job.asked)
-        recordings = [recording for recording in found if recording.motion.frames >= LEAST_FRAMES]
-        if not recordings:
-            count = max((recording.motion.frames for recording in found), default=0)
-            raise InputError(f"{source.name} has {count} frame, and a motion needs at least {LEAST_FRAMES}.")
+        return _read(job, data, chosen)
     except InputError as error:
-        name = chosen.name if chosen else ""
-        return Outcome(source, "skipped", name, reason=error.message, hint=error.hint)
+        reason, hint = error.message, error.hint
+    except MemoryError:
+        reason = f"{job.source.name} takes more memory than there is."
+        hint = "Give fewer --workers, or cut the file into shorter ones."
+    except Exception as error:  # a fault of one reader must not cost all other files
+        cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        reason = f"{job.source.name} cannot be read: its reader failed ({cause})."
+        hint = "This is a fault of pumps; please report it with the file."
+    sha256 = hashlib.sha256(data[0]).hexdigest() if data else ""
+    return Outcome(job.source, "skipped", "".join(chosen), sha256=sha256, reason=reason, hint=hint)
+
+
+def _read(job: Job, read: list[bytes], formats: list[str]) -> Outcome:
+    """Read a source; its bytes and its format's name are added to the lists as soon as they are known."""
+    source = job.source
+    data = source.read()
+    read.append(data)
+    chosen = recognise(data, source.name) if job.format == AUTO else format_named(job.format)
+    if chosen is None:
+        if source.named:
+            raise InputError(
+                f"{source.name} is not a recording in a format that pumps reads.",
+                "docs/formats.md lists the formats.",
+            )
+        return Outcome(source, "ignored", reason="It holds no motion.")
+    formats.append(chosen.name)
+    found = read_recordings(data, source, chosen, job.asked)
+    recordings = [recording for recording in found if recording.motion.frames >= LEAST_FRAMES]
+    if not recordings:
+        count = max((recording.motion.frames for recording in found), default=0)
+        raise InputError(f"{source.name} has {count} frame, and a motion needs at least {LEAST_FRAMES}.")
+    for recording in recordings:
+        skeleton = recording.skeleton
+        fault = fault_of_skeleton(skeleton) or fault_of_motion(recording.motion, skeleton.joints)
+        if fault:
+            raise InputError(f"{source.name} {fault}.", "Check the file.")
     notes = list(dict.fromkeys(each for recording in recordings for each in recording.notes))
     remarks = list(dict.fromkeys(each for recording in recordings for each in recording.remarks))
     if len(recordings) < len(found):
@@ -99,19 +122,56 @@ def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
     if count <= 1 or sum(job.source.size for job in jobs) < _POOL_FROM_BYTES:
         yield from map(read_one, jobs)
         return
-    with ProcessPoolExecutor(count, mp_context=_context()) as pool:
-        # A short queue of outcomes keeps the processes busy and takes little memory.
-        waiting: deque[Future[list[Outcome]]] = deque()
-        try:
-            for batch in _batches(jobs):
-                waiting.append(pool.submit(_read_batch, batch))
-                if len(waiting) > 3 * count:
-                    yield from _result(waiting.popleft())
-            while waiting:
-                yield from _result(waiting.popleft())
-        finally:
-            for future in waiting:
-                future.cancel()
+    yield from _read_in_processes(jobs, count)
+
+
+def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
+    """Outcomes of all jobs, in order. Where a process dies, the file that it died of is found and skipped."""
+    batches = _batches(jobs)
+    # A short queue of outcomes keeps the processes busy and takes little memory.
+    waiting: deque[tuple[list[Job], Future[list[Outcome]] | None]] = deque()
+    pool = _pool(count)
+    try:
+        while True:
+            while len(waiting) <= 3 * count and (batch := next(batches, None)) is not None:
+                waiting.append((batch, _submitted(pool, batch)))
+            if not waiting:
+                return
+            batch, future = waiting.popleft()
+            outcomes = _result(future)
+            if outcomes is None:  # all that had not finished is lost with the dead process: read it apart
+                pool.shutdown(cancel_futures=True)
+                for lost, theirs in [(batch, None), *waiting]:
+                    yield from _result(theirs) or _read_apart(lost)
+                waiting.clear()
+                pool = _pool(count)
+            else:
+                yield from outcomes
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _read_apart(jobs: Sequence[Job]) -> Iterator[Outcome]:
+    """Outcomes of jobs, each read in a process of its own after the batch as a whole made one die."""
+    for part in [jobs] if len(jobs) == 1 else [jobs, *([job] for job in jobs)]:
+        with _pool(1) as pool:
+            outcomes = _result(_submitted(pool, list(part)))
+        if outcomes is not None:
+            yield from outcomes
+            if len(part) == len(jobs):
+                return
+        elif len(part) == 1:
+            source = part[0].source
+            yield Outcome(
+                source,
+                "skipped",
+                reason=f"The process that read {source.name} was ended, perhaps for want of memory.",
+                hint="Give fewer --workers, or cut the file into shorter ones.",
+            )
+
+
+def _pool(count: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(count, mp_context=_context())
 
 
 def _context() -> BaseContext:
@@ -124,11 +184,19 @@ def _read_batch(jobs: Sequence[Job]) -> list[Outcome]:
     return [read_one(job) for job in jobs]
 
 
-def _result(future: Future[list[Outcome]]) -> list[Outcome]:
+def _submitted(pool: ProcessPoolExecutor, batch: list[Job]) -> Future[list[Outcome]] | None:
     try:
-        return future.result()
-    except MemoryError:
-        raise PumpsError("A reading process ran out of memory.", "Give fewer --workers.") from None
+        return pool.submit(_read_batch, batch)
+    except BrokenProcessPool:
+        return None
+
+
+def _result(future: Future[list[Outcome]] | None) -> list[Outcome] | None:
+    """The outcomes of a batch; None if the process that read it died, or could not send them for want of memory."""
+    try:
+        return None if future is None else future.result()
+    except (BrokenProcessPool, CancelledError, MemoryError):
+        return None
 
 
 def _batches(jobs: Sequence[Job]) -> Iterator[list[Job]]:

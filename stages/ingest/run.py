@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import glob
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 from data_schemas.artefact import write_artefact
 from data_schemas.errors import InputError, UsageError
@@ -17,10 +16,11 @@ from data_schemas.notes import Flag, flags_text, sentences_of
 from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.ingest.config import Config
 from stages.ingest.doubts import doubts_of
+from stages.ingest.inputs import digests_of_read, given_files
 from stages.ingest.known_facts import known_rate, known_rig, rate_notes
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
-from stages.ingest.splits import SPLITS_NAME, Assigned, assign_splits
+from stages.ingest.splits import Assigned, assign_splits
 from stages.shared.contract import StageReport
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.readers import suffixes_of
@@ -43,7 +43,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_artefact(config, "motion")
     overrides = _parse_overrides(config.fps_override)
     asked = _asked(config)
-    sources = find_sources(config.sources, suffixes_of(config.format))
+    sources = find_sources(config.sources, suffixes_of(config.format), keep_bad=not config.strict)
     assigned = assign_splits(sources, config.splits)
     sources = config.share_of(sources)  # splits are drawn for all sources, so that they are the same in every part
     if not sources:
@@ -60,7 +60,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     rigs: set[tuple[str, ...]] = set()
     progress.start("Reading recordings", total=sum(source.size for source in sources) / 1e6)
     with (
-        write_artefact(config.output, "motion", stage="ingest", config=config, inputs=_inputs(config)) as draft,
+        write_artefact(config.output, "motion", stage="ingest", config=config, inputs=given_files(config)) as draft,
         MotionWriter(draft.folder) as writer,
     ):
         for job, outcome in zip(jobs, read_all(jobs, config.workers), strict=True):
@@ -75,6 +75,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             bad = next((row.reason for row in table if row.outcome == "skipped"), table[0].reason)
             raise InputError(f"None of the {len(table)} recordings could be used. The first: {bad}")
         write_sources(draft.folder, table)
+        draft.sources += digests_of_read(config, ((row.source, row.sha256) for row in table))
         draft.licences |= {row.licence for row in rows}
         notes = [*assigned.notes, *rate_notes(sources, known), *unused_maps(asked.skeleton_maps, rigs)]
         draft.summary |= _summary(table, rows, notes)
@@ -199,26 +200,6 @@ def _parse_trim(text: str) -> str:
     if text == "auto" or re.fullmatch(r"\d{1,6}", text):
         return text
     raise UsageError(f"--trim-first is '{text}', but must be a number of frames or auto.")
-
-
-def _inputs(config: Config) -> list[Path]:
-    """The files and folders on the disk that hold the sources, and the splits file."""
-    paths: list[Path] = []
-    for text in config.sources:
-        path = Path(text)
-        if path.exists():
-            paths.append(path)
-        elif glob.has_magic(text):
-            paths += [Path(match) for match in sorted(glob.glob(text, recursive=True)) if Path(match).is_file()]
-        elif "!" in text:
-            paths.append(Path(text.split("!", 1)[0]))
-    paths += config.skeleton_map
-    if config.splits:
-        paths.append(config.splits)
-    else:
-        beside = {path.parent / SPLITS_NAME for path in paths if path.is_file()}
-        paths += sorted(path for path in beside if path.is_file())
-    return list(dict.fromkeys(paths))
 
 
 def _summary(table: Sequence[SourceRow], rows: Sequence[ClipRow], notes: Sequence[str]) -> dict:

@@ -23,7 +23,7 @@ MILLIMETRES = 1000.0
 
 
 def strips_svg(scenes: Sequence[dict]) -> Markup:
-    """The SVG of scenes as the page holds them (`stages.report.scenes`): a row for each scene, a strip for each motion.
+    """The SVG of scenes as the page has them (`stages.report.scenes`): a row for each scene, a strip for each motion.
 
     The strips of a single scene stand below each other, so that they stay large on a page of text.
     """

@@ -90,7 +90,7 @@ def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
     """A pipeline that was killed outright in the middle of the first training, and then ran to its end."""
     pipeline = Pipeline(tmp_path_factory.mktemp("pipeline"))
     killed = pipeline.make()
-    partial = pipeline.run / "train-ae.partial"
+    partial = pipeline.run / "train-ae.partial" / "checkpoints"
     deadline = time.monotonic() + 200
     while killed.poll() is None and not (partial.is_dir() and any(partial.iterdir())):
         assert time.monotonic() < deadline, "the training never wrote a checkpoint"

@@ -13,6 +13,8 @@ import pytest
 from data_schemas.artefact import open_artefact
 from tests.data_schemas.examples import write_motion, write_text_artefact
 
+FROZEN = Path(__file__).parents[1] / "data_schemas" / "frozen" / "motion_version_2"
+
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
@@ -56,7 +58,18 @@ def test_show(run, artefact):
 
 
 def test_verify(run, artefact):
-    assert artefact("verify", "ingest") == (0, "ingest: 2 files are as they were written.\n", "")
+    whole = "ingest: 2 files and the manifest are as they were written.\n"
+    assert artefact("verify", "ingest") == (0, whole, "")
+    _, out, _ = artefact("verify", str(FROZEN), "--json")
+    assert json.loads(out) == {"path": str(FROZEN), "problems": [], "manifest_covered": False}
+    code, out, _ = artefact("verify", str(FROZEN))
+    assert code == 0 and "An older pumps wrote it: its config, inputs, licences and summary are not covered" in out
+    manifest = Path("ingest/manifest.json")
+    before = manifest.read_text()
+    manifest.write_text(before.replace('"zlib"', '"CC0"'))
+    code, out, _ = artefact("verify", "ingest")
+    assert code == 3 and "The manifest has changed" in out
+    manifest.write_text(before)
     open_artefact("ingest").file("motions.h5").write_bytes(b"x")
     code, out, _ = artefact("verify", "ingest")
     assert code == 3 and out.startswith("ingest: motions.h5 has changed")
@@ -94,11 +107,15 @@ def test_a_made_up_manifest_sends_nothing_to_the_terminal(run, artefact):
     path = run / "evaluate" / "manifest.json"
     manifest = json.loads(path.read_text())
     nasty = "\x1b[2J\x07"
-    manifest.update(stage=nasty, licences=[nasty], summary={nasty: nasty}, created_by=nasty)
-    path.write_text(json.dumps(manifest))
+    path.write_text(json.dumps(manifest | {"licences": [nasty], "summary": {nasty: nasty}}))
     for command in ("show", "lineage"):
         code, out, _ = artefact(command, "evaluate")
         assert code == 0 and "\x1b" not in out and "\x07" not in out
+    for field in ("stage", "created_by", "kind"):
+        path.write_text(json.dumps(manifest | {field: nasty}))
+        for command in ("show", "lineage"):
+            code, out, err = artefact(command, "evaluate")
+            assert code == 3 and "\x1b" not in out + err and "\x07" not in out + err
 
 
 @pytest.mark.parametrize("words", [[], ["show"], ["verify"], ["lineage"]])

@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 from data_schemas.errors import InputError
 
 MAX_FILE_BYTES = 1 << 30
-MAX_RATIO = 300  # unpacked over packed: 3 to 10 for numbers as text, 1000 and more for a zip bomb
+MAX_RATIO = 40  # unpacked over packed, of what counts: 3 to 10 for numbers as text, 1000 for one number repeated
 _RATIO_COUNTS_FROM = 16 << 20
 _MAX_MEMBERS = 2_000_000
 
@@ -105,7 +105,7 @@ def _listed(archive: str, stamp: tuple[int, int]) -> tuple[Member, ...]:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         kind = "zip" if is_zip else "tar"
-        raise InputError(f"{archive} is not a {kind} archive or is damaged.", "Fetch it again.") from None
+        raise InputError(f"{archive} is not a {kind} archive, or it is damaged.", "Fetch it again.") from None
     if is_zip:
         members.sort(key=lambda member: member.name)
     return tuple(members)
@@ -121,7 +121,7 @@ def _check_member(archive: str, name: str, size: int, packed: int) -> None:
     if size > MAX_FILE_BYTES or (size > _RATIO_COUNTS_FROM and size > MAX_RATIO * max(packed, 1)):
         raise InputError(
             f"{archive} has a member '{name[:100]}' that would unpack to {size / 1e6:.0f} MB.",
-            "That is not a recording; take it out of the archive.",
+            "Take it out of the archive; if it is a recording, give its file itself.",
         )
 
 

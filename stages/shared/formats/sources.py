@@ -32,6 +32,7 @@ class Source:
     size:    bytes, unpacked.
     offset:  where its bytes begin in an unpacked tar archive, else -1.
     named:   True if the user named this file itself, not a folder, pattern or archive that holds it.
+    fault:   why it cannot be read, if that is known already: `read` raises it.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Source:
     size: int
     offset: int = -1
     named: bool = field(default=False, compare=False)
+    fault: InputError | None = field(default=None, compare=False)
 
     @property
     def data_set(self) -> str:
@@ -56,6 +58,8 @@ class Source:
 
     def read(self) -> bytes:
         """The recording's bytes. Raises InputError if it cannot be read or is damaged."""
+        if self.fault is not None:
+            raise InputError(self.fault.message, self.fault.hint)
         if self.archive:
             return read_member(self.archive, Member(self.member, self.size, self.offset))
         return _read_file(self)
@@ -72,18 +76,22 @@ def source_named(name: str) -> Source:
     return _plain_file(Path(name), Path(name).name, named=True)
 
 
-def find_sources(sources: Iterable[str], suffixes: tuple[str, ...] = (".bvh",)) -> list[Source]:
+def find_sources(
+    sources: Iterable[str], suffixes: tuple[str, ...] = (".bvh",), *, keep_bad: bool = False
+) -> list[Source]:
     """All recordings in the given files, folders, globs and archives, each once; those of one source are sorted.
 
     Members of a tar archive are in the archive's own order, which is the fastest to read.
 
     Args:
         suffixes: of recordings, lower case. A file that is named itself may have any suffix.
+        keep_bad: give an archive that is damaged or hostile, or a file that cannot be read, as one source with its
+            `fault`, instead of raising it.
     Raises: InputError if a source holds no recordings, or an archive is damaged or hostile.
     """
     found: dict[str, Source] = {}
     for text in sources:
-        here = _expand(str(text), suffixes)
+        here = _expand(str(text), suffixes, keep_bad)
         if not here:
             raise InputError(f"{text} holds no recordings ({', '.join(suffixes)}).", "Check the path.")
         for source in here:
@@ -125,14 +133,14 @@ def _on_disk(folder: str, suffix: str) -> tuple[Source, ...]:
     return tuple(sorted(found, key=lambda source: source.name))
 
 
-def _expand(text: str, suffixes: tuple[str, ...]) -> list[Source]:
+def _expand(text: str, suffixes: tuple[str, ...], keep_bad: bool) -> list[Source]:
     path = Path(text)
     if path.is_dir():
         wanted = (*suffixes, *ARCHIVE_SUFFIXES)
         inside = [p for p in sorted(path.rglob("*")) if p.name.lower().endswith(wanted) and p.is_file()]
-        return [source for p in inside for source in _one(p, p.relative_to(path).as_posix(), suffixes)]
+        return [source for p in inside for source in _one(p, p.relative_to(path).as_posix(), suffixes, keep_bad)]
     if path.exists():
-        return _one(path, path.name, suffixes, named=True)
+        return _one(path, path.name, suffixes, keep_bad, named=True)
     archive, mark, _ = text.partition("!")
     if mark and archive_suffix(archive) and Path(archive).is_file():
         return [source_named(text)]
@@ -143,16 +151,23 @@ def _expand(text: str, suffixes: tuple[str, ...]) -> list[Source]:
                 f"No file matches {text}.", "Check the pattern; quote it, so that the shell leaves it alone."
             )
         files = [match for match in matches if match.is_file()]
-        return [source for match in files for source in _one(match, match.name, suffixes)]
+        return [source for match in files for source in _one(match, match.name, suffixes, keep_bad)]
     if mark:
         return [source_named(text)]
     raise InputError(f"{text} does not exist.", "Check the path.")
 
 
-def _one(path: Path, member: str, suffixes: tuple[str, ...], named: bool = False) -> list[Source]:
-    if archive_suffix(path.name):
-        return [source for source in _in_archive(str(path)) if source.suffix in suffixes]
-    return [_plain_file(path, member, named)]
+def _one(
+    path: Path, member: str, suffixes: tuple[str, ...], keep_bad: bool = False, named: bool = False
+) -> list[Source]:
+    try:
+        if archive_suffix(path.name):
+            return [source for source in _in_archive(str(path)) if source.suffix in suffixes]
+        return [_plain_file(path, member, named)]
+    except InputError as error:
+        if not keep_bad:
+            raise
+        return [Source(str(path), "", member, 0, named=named, fault=error)]
 
 
 def _plain_file(path: Path, member: str, named: bool = False) -> Source:

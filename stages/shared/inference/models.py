@@ -15,6 +15,7 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.trainings import last_sentence
+from stages.shared.inference.bounded_network import MOST_POINTS, MOST_WINDOW, build_bounded, whole_setting
 from stages.shared.inference.confidence import Confidence, read_confidence
 from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.networks.layers.device import choose_device
@@ -219,8 +220,15 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
     if kept.config.get("network") != "autoencoder":
         raise InputError(f"{path} holds no autoencoder.", "Give the folder that `pumps train ae` wrote.")
     chosen = choose_device(device)
-    encoder = FrameEncoder(EncoderSizes(**kept.config["encoder"]))
-    decoder = CloudDecoder(encoder.latent_width, DecoderSizes(**kept.config["decoder"]))
+    encoder = build_bounded(
+        lambda: FrameEncoder(EncoderSizes(**kept.config["encoder"])), kept.config.get("encoder"), kept.weights, path
+    )
+    decoder = build_bounded(
+        lambda: CloudDecoder(encoder.latent_width, DecoderSizes(**kept.config["decoder"])),
+        kept.config.get("decoder"),
+        kept.weights,
+        path,
+    )
     load_state(
         encoder, {name[8:]: value for name, value in kept.weights.items() if name.startswith("encoder.")}, path
     )
@@ -230,8 +238,8 @@ def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:
     return Autoencoder(
         encoder.to(chosen).eval(),
         decoder.to(chosen).eval(),
-        int(kept.config["window"]),
-        int(kept.config["points"]),
+        whole_setting(kept.config, "window", MOST_WINDOW, path),
+        whole_setting(kept.config, "points", MOST_POINTS, path),
         tuple(artefact.manifest.licences),
         artefact.manifest.digest,
         chosen,
@@ -253,13 +261,18 @@ def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: 
             f"The synthesiser in {folder} was trained on another autoencoder than the one beside it.",
             "Train it again with `pumps train lms`.",
         )
-    synthesiser = LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**kept.config["synthesiser"]))
+    synthesiser = build_bounded(
+        lambda: LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**kept.config["synthesiser"])),
+        kept.config.get("synthesiser"),
+        kept.weights,
+        lms,
+    )
     load_state(synthesiser, kept.weights, folder)
     return Models(
         autoencoder,
         synthesiser.to(autoencoder.device).eval(),
-        int(kept.config["window"]),
-        int(kept.config["longest_gap"]),
+        whole_setting(kept.config, "window", MOST_WINDOW, lms),
+        whole_setting(kept.config, "longest_gap", MOST_WINDOW, lms),
         tuple(artefact.manifest.licences),
         last_sentence(kept.trainings),
         str(name_or_path),

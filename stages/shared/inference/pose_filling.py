@@ -13,6 +13,7 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.trainings import last_sentence
+from stages.shared.inference.bounded_network import build_bounded
 from stages.shared.inference.models import load_state
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.window_interpolation import interpolate_windows
@@ -71,8 +72,14 @@ def load_interpolator(path: str | Path, device: str = "auto") -> Interpolator:
     kept = read_checkpoint(artefact, optimiser=False)
     if kept.config.get("network") != "pose-interpolator":
         raise InputError(f"{path} holds no interpolator of poses.", "Give the folder that `pumps train citl` wrote.")
-    sizes = InterpolatorSizes(**kept.config["interpolator"])
-    network = PoseInterpolator(kept.config["parents"], kept.config["groups"], sizes)
+    network = build_bounded(
+        lambda: PoseInterpolator(
+            kept.config["parents"], kept.config["groups"], InterpolatorSizes(**kept.config["interpolator"])
+        ),
+        kept.config.get("interpolator"),
+        kept.weights,
+        path,
+    )
     load_state(network, kept.weights, path)
     chosen = choose_device(device)
     return Interpolator(

@@ -15,6 +15,7 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.skeleton import Motion
 from data_schemas.trainings import last_sentence
+from stages.shared.inference.bounded_network import MOST_POINTS, MOST_WINDOW, build_bounded, whole_setting
 from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
 from stages.shared.kinematics.rotations import aligned_signs
@@ -143,15 +144,20 @@ def load_rig_network(path: str | Path, device: str = "auto") -> RigNetwork:
         raise InputError(f"{path} holds no network of a rig.", "Give the folder that `pumps train skeleton` wrote.")
     rig = Rig.of_plain(kept.config.get("rig"))
     chosen = choose_device(device)
-    network = SkeletonNetwork(
-        rig.body, EncoderSizes(**kept.config["encoder"]), SkeletonSizes(**kept.config["skeleton"])
+    network = build_bounded(
+        lambda: SkeletonNetwork(
+            rig.body, EncoderSizes(**kept.config["encoder"]), SkeletonSizes(**kept.config["skeleton"])
+        ),
+        kept.config.get("skeleton"),
+        kept.weights,
+        path,
     )
     load_state(network, kept.weights, path)
     return RigNetwork(
         network.to(chosen).eval(),
         rig,
-        int(kept.config["window"]),
-        int(kept.config["points"]),
+        whole_setting(kept.config, "window", MOST_WINDOW, path),
+        whole_setting(kept.config, "points", MOST_POINTS, path),
         tuple(artefact.manifest.licences),
         last_sentence(kept.trainings),
         artefact.manifest.digest,

@@ -76,7 +76,11 @@ def train(task: TrainingTask[Any], config: TrainingConfig, *, progress: Progress
     """
     device = next(iter(task.networks.parameters())).device
     ranks = join_ranks(device)
-    return _Run(task, config, ranks, progress if ranks.first else SILENT).go()
+    try:
+        return _Run(task, config, ranks, progress if ranks.first else SILENT).go()
+    finally:
+        if ranks.first:
+            Unfinished(config).release()
 
 
 @contextmanager
@@ -103,6 +107,8 @@ class _Run:
         self.optimiser = Optimiser(task.networks, config)
         set_checkpointing(task.networks, config.activation_checkpointing)
         self.unfinished = Unfinished(config)
+        if ranks.first:
+            self.unfinished.claim()
         self.place = Place()
         self.best_weights: dict[str, Tensor] = {}
         self.bad_step = torch.full((), float("inf"), device=self.device)  # the first step whose loss was not a number

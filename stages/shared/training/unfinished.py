@@ -3,19 +3,18 @@
     NAME.partial/checkpoints/step_000002000/   a checkpoint artefact each, the newest few
     NAME.partial/log/step_000002340.parquet    rows of the log since the newest checkpoint
     NAME.partial/windows/                      files of the training itself (`train lms --reuse`)
+    NAME.partial/.made-by-pumps                the marker without which pumps does not write or remove the folder
 
 Each checkpoint is an artefact of its own that appears whole or not at all; old ones are removed after a new one is
-written. A folder NAME.partial that holds anything else is refused, and nothing in it is removed.
+written.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,13 +25,20 @@ from torch import Tensor, nn
 
 from data_schemas.artefact import open_artefact, partial_folder, write_artefact
 from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from data_schemas.errors import InputError, UsageError
+from data_schemas.disk import disk_faults_reported
+from data_schemas.errors import InputError
 from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.own_folders import (
+    MARKER_NAME,
+    is_own_folder,
+    make_own_folder,
+    mark_own_folder,
+    refuse_unmarked,
+    remove_own_folder,
+)
 from stages.shared.networks.layers.layer_stack import GrowingLayer
 from stages.shared.progress import Progress
 from stages.shared.training.config import TrainingConfig
-
-_PARTS = {"checkpoints": "step_", "log": "step_", "windows": ""}  # folder -> how the names of what is in it begin
 
 # Settings that may change when a run is resumed: the result is the same except for rounding.
 _FREE = {
@@ -54,20 +60,11 @@ class Place:
 
 
 class Unfinished:
-    """The checkpoints of one unfinished training.
-
-    Raises: UsageError if the folder NAME.partial holds anything that is not a training's.
-    """
+    """The checkpoints of one unfinished training."""
 
     def __init__(self, config: TrainingConfig):
         self.config = config
         self.folder = partial_folder(config.output)
-        foreign = _foreign(self.folder)
-        if foreign is not None:
-            raise UsageError(
-                f"{foreign} is not of an unfinished training, which is kept in {self.folder}.",
-                "Move it, or give another name for the output.",
-            )
         self._checkpoints = self.folder / "checkpoints"
         settings = config.model_dump(mode="json")
         self._by_path = {name: value for name, value in settings.items() if name not in _FREE}
@@ -86,6 +83,22 @@ class Unfinished:
     @property
     def log_folder(self) -> Path:
         return self.folder / "log"
+
+    def claim(self) -> None:
+        """Make the folder and mark it, before anything is written into it.
+
+        Raises: UsageError if a folder of this name is there that pumps did not make.
+        """
+        with disk_faults_reported(self.folder):
+            if any(self._checkpoints.glob("step_*/manifest.json")):
+                mark_own_folder(self.folder)  # of an older pumps, which did not mark it
+            else:
+                make_own_folder(self.folder)
+
+    def release(self) -> None:
+        """Remove the folder if nothing was written into it."""
+        if is_own_folder(self.folder) and [each.name for each in self.folder.iterdir()] == [MARKER_NAME]:
+            self.forget()
 
     def keep(
         self,
@@ -134,41 +147,21 @@ class Unfinished:
         return None
 
     def _set_aside(self) -> Path:
-        """Move the folder aside, where no training reads it, replacing a training that was moved aside before."""
-        first = aside = self.folder.with_name(f"{self.config.output.name}.set-aside")
-        count = 1
-        while os.path.lexists(aside) and (aside.is_symlink() or _foreign(aside) is not None):
-            count += 1
-            aside = first.with_name(f"{first.name}-{count}")
-        shutil.rmtree(aside, ignore_errors=True)
+        """Move the folder aside, where no training reads it, replacing a folder that was moved aside before."""
+        aside = self.folder.with_name(f"{self.config.output.name}.set-aside")
+        refuse_unmarked(aside)
+        remove_own_folder(aside)
         self.folder.rename(aside)
+        self.claim()
         return aside
 
     def forget(self) -> None:
-        """Remove what the training kept, and the folder if nothing else is in it."""
-        for name in _PARTS:
-            shutil.rmtree(self.folder / name, ignore_errors=True)
-        with suppress(OSError):
-            self.folder.rmdir()
+        """Remove the folder, if pumps made it."""
+        remove_own_folder(self.folder)
 
     def _newest_first(self) -> list[Path]:
         # A folder without a manifest is a checkpoint whose write was killed.
         return sorted((path.parent for path in self._checkpoints.glob("step_*/manifest.json")), reverse=True)
-
-
-def _foreign(folder: Path) -> Path | None:
-    """Something in the folder that no training put there, or the folder itself if it is a file; else None."""
-    if not folder.is_dir():
-        return folder if os.path.lexists(folder) else None
-    for entry in sorted(folder.iterdir()):
-        if entry.name not in _PARTS and not entry.name.startswith("."):
-            return entry
-        inside = sorted(entry.iterdir()) if entry.name in _PARTS and entry.is_dir() else []
-        begins = _PARTS.get(entry.name, "")
-        strange = [each for each in inside if not each.name.startswith((begins, "."))]
-        if strange:
-            return strange[0]
-    return None
 
 
 def _digest(value: Any) -> str | None:

@@ -82,7 +82,7 @@ def test_parts_and_computing_again_change_nothing_but_rounding(clouds, whole, tm
 def test_a_process_that_dies_ends_them_all(clouds, tmp_path):
     spread = start_training(clouds, tmp_path / "ae", processes=2, **{**EXACT, "steps": 100_000})
     deadline = time.monotonic() + 120
-    while not (tmp_path / "ae.partial").exists():
+    while not (tmp_path / "ae.partial" / "checkpoints").exists():
         assert spread.poll() is None and time.monotonic() < deadline
         time.sleep(0.05)
     children = Path(f"/proc/{spread.pid}/task/{spread.pid}/children").read_text().split()

@@ -1,0 +1,155 @@
+"""Digests of what data files say: arrays, tables and settings, whatever their compressed bytes and clocks are.
+
+Two runs with the same inputs, settings and seed make the same arrays, but not always the same bytes: LZF compresses
+with a table that it does not clear, and a training records how long it took. An artefact's digest is made of these:
+
+    *.h5                    every group, attribute and array: name, type, shape, values
+    *.parquet               every column: name, type, values
+    config.json             the settings, without the minutes and seconds of trainings
+    log.parquet             its columns without `seconds`
+    MODEL_CARD.md           left out: a text for people that is made from the settings and names the minutes
+    all other files         their bytes
+
+The sha256 of each file's bytes stands in the manifest beside it, so that `verify` finds every change of these files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow as pa
+
+from data_schemas.declared_sizes import check_stored_array, read_table
+
+_PIECE_BYTES = 8 << 20
+_DEEPEST = 16
+# Of a checkpoint: columns of the log and keys of the settings that say how long it took, and texts that repeat them.
+_CLOCK_COLUMNS = {"log.parquet": frozenset({"seconds"})}
+_CLOCK_KEYS = {"config.json": frozenset({("trainings", "minutes"), ("place", "seconds")})}
+_TEXTS_WITH_CLOCKS = frozenset({"MODEL_CARD.md"})
+
+
+def content_digest(path: Path, kind: str) -> str | None:
+    """Hex sha256 of what a data file of an artefact of `kind` says; None if the file says nothing of its own.
+
+    Raises: OSError, ValueError, RuntimeError or ArrowException if it cannot be read as its name says.
+    """
+    name = path.name
+    clocks = kind == "checkpoint"
+    if clocks and name in _TEXTS_WITH_CLOCKS:
+        return None
+    if name.endswith(".h5"):
+        return _digest_of_hdf5(path)
+    if name.endswith(".parquet"):
+        return _digest_of_table(path, _CLOCK_COLUMNS.get(name, frozenset()) if clocks else frozenset())
+    if clocks and name in _CLOCK_KEYS:
+        return _digest_of_settings(path, _CLOCK_KEYS[name])
+    total = hashlib.sha256()
+    with open(path, "rb") as file:
+        while part := file.read(1 << 20):
+            total.update(part)
+    return total.hexdigest()
+
+
+def _digest_of_settings(path: Path, clocks: frozenset[tuple[str, str]]) -> str:
+    values = json.loads(path.read_text(encoding="utf-8"))
+    for outer, inner in clocks:
+        there = values.get(outer) if isinstance(values, dict) else None
+        for each in there if isinstance(there, list) else [there]:
+            if isinstance(each, dict):
+                each.pop(inner, None)
+    return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _digest_of_table(path: Path, without: frozenset[str]) -> str:
+    table = read_table(path)
+    total = hashlib.sha256(f"{table.num_rows}\n".encode())
+    for name in sorted(set(table.column_names) - without):
+        column = table.column(name)
+        _add_label(total, "column", name, str(column.type))
+        for part in _column_parts(column):
+            total.update(part)
+    return total.hexdigest()
+
+
+def _column_parts(column: pa.ChunkedArray) -> Iterator[bytes]:
+    """A column's values as bytes, whatever its encoding: which are missing, then the values."""
+    whole = column.combine_chunks()
+    array = pa.concat_arrays(whole.chunks) if isinstance(whole, pa.ChunkedArray) else whole
+    yield np.asarray(array.is_null().to_numpy(zero_copy_only=False), np.uint8).tobytes()
+    kind = array.type
+    if pa.types.is_string(kind):
+        texts = [text.encode() for text in array.fill_null("").to_pylist()]
+        yield np.array([len(text) for text in texts], "<i8").tobytes()
+        yield b"".join(texts)
+    elif pa.types.is_boolean(kind):
+        yield np.asarray(array.fill_null(False).to_numpy(zero_copy_only=False), np.uint8).tobytes()
+    elif pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        yield np.ascontiguousarray(array.fill_null(0).to_numpy(zero_copy_only=False)).tobytes()
+    else:
+        yield json.dumps(array.to_pylist(), sort_keys=True, default=str).encode()
+
+
+def _digest_of_hdf5(path: Path) -> str:
+    total = hashlib.sha256()
+    with h5py.File(path, "r", locking=False) as file:
+        _add_group(total, file, 0, set())
+    return total.hexdigest()
+
+
+def _add_group(total: Any, group: h5py.Group, depth: int, seen: set[int]) -> None:
+    place = h5py.h5o.get_info(group.id).addr  # type: ignore[attr-defined]
+    if depth > _DEEPEST or place in seen:
+        raise ValueError(f"{group.name} is linked in a circle, or lies too deep")
+    seen.add(place)
+    _add_attributes(total, group)
+    for name in sorted(group):
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise ValueError(f"{group.name}/{name} is a link")
+        item = group[name]
+        if isinstance(item, h5py.Group):
+            _add_label(total, "group", name)
+            _add_group(total, item, depth + 1, seen)
+        elif isinstance(item, h5py.Dataset):
+            _add_array(total, name, item)
+    _add_label(total, "end")
+
+
+def _add_array(total: Any, name: str, stored: h5py.Dataset) -> None:
+    if stored.external or stored.is_virtual or stored.dtype.kind not in "biuf":
+        raise ValueError(f"{stored.name} is not an array of numbers within this file")
+    check_stored_array(stored)
+    _add_label(total, "array", name, stored.dtype.str, str(stored.shape))
+    _add_attributes(total, stored)
+    if stored.ndim == 0 or stored.size == 0:
+        total.update(np.asarray(stored[()]).tobytes())
+        return
+    rows = stored.shape[0]
+    step = rows
+    if stored.chunks is not None and stored.chunks[0] < rows:  # whole chunks, a few megabytes at a time
+        step = stored.chunks[0] * max(1, _PIECE_BYTES * rows // (stored.nbytes * stored.chunks[0]))
+    for start in range(0, rows, step):
+        total.update(np.ascontiguousarray(stored[start : start + step]))
+
+
+def _add_attributes(total: Any, item: h5py.Group | h5py.Dataset) -> None:
+    for name in sorted(item.attrs):
+        value = item.attrs[name]
+        if isinstance(value, str):
+            _add_label(total, "text", name, value)
+        else:
+            array = np.asarray(value)
+            if array.dtype.kind not in "biufSU":
+                raise ValueError(f"{item.name} has an attribute {name} that is neither number nor text")
+            _add_label(total, "attribute", name, array.dtype.str, str(array.shape))
+            total.update(np.ascontiguousarray(array).tobytes())
+
+
+def _add_label(total: Any, *words: str) -> None:
+    total.update(json.dumps(words).encode())
