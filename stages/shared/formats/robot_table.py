@@ -22,7 +22,7 @@ _FARTHEST_M = 1e5
 _MOST_TURNS = 1e4
 _ROOT_NAME = re.compile(
     r"(?:root|base|pelvis|floating_base|torso)?[._ ]*"
-    r"(?:(?P<place>pos|position|trans|translation|t|p)?[._ ]*(?P<axis>[xyz])"
+    r"(?:(?:(?P<place>pos|position|trans|translation|t|p)[._ ]*)?(?P<axis>[xyz])"
     r"|(?P<turn>rot|rotation|quat|quaternion|orientation|orn|q|r)[._ ]*(?P<part>[xyzw]))"
 )
 USUAL_DECIMALS, _MOST_DECIMALS = 6, 12
