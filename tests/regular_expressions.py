@@ -17,15 +17,16 @@ from typing import Any
 
 if sys.version_info >= (3, 11):
     from re import _constants as sre
-    from re import _parser as parser
+    from re import _parser
 else:
     import sre_constants as sre  # pyright: ignore[reportMissingImports]
-    import sre_parse as parser  # pyright: ignore[reportMissingImports]
+    import sre_parse as _parser  # pyright: ignore[reportMissingImports]
+parser: Any = _parser  # its types are not those of the stubs
 
 _MANY = 64  # a bound above this counts as none
 _SEARCHES = ("search", "findall", "finditer", "sub", "subn", "split")
 _REPEATS = {op for name in ("MAX_REPEAT", "MIN_REPEAT", "POSSESSIVE_REPEAT") if (op := getattr(sre, name, None))}
-# Each of these matches other characters than the rest; a class is the set of those that it matches, and of its ranges.
+# A class of characters is the set of those that it matches among these.
 _SAMPLES = [chr(code) for code in range(256)]
 
 
@@ -130,7 +131,9 @@ def _matched(op: Any, argument: Any, flags: int) -> set[str]:
         if kind is sre.LITERAL:
             found |= _matched(sre.LITERAL, value, flags)
         elif kind is sre.RANGE:
-            found |= {c for code in range(value[0], min(value[1], 255) + 1) for c in _matched(sre.LITERAL, code, flags)}
+            found |= {
+                c for code in range(value[0], min(value[1], 255) + 1) for c in _matched(sre.LITERAL, code, flags)
+            }
         elif kind is sre.CATEGORY:
             found |= {c for c in _SAMPLES if re.match(_CATEGORIES[str(value).rsplit("_", 1)[-1]](str(value)), c)}
     return set(_SAMPLES) - found if negated else found
@@ -204,7 +207,5 @@ def _constant(node: ast.AST) -> str | bytes | None:
     if isinstance(node, ast.Constant) and isinstance(node.value, str | bytes):
         return node.value
     if isinstance(node, ast.JoinedStr):
-        return "".join(
-            str(part.value) if isinstance(part, ast.Constant) else "X" for part in node.values
-        )
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "X" for part in node.values)
     return None

@@ -34,8 +34,8 @@ _DEPTHS = {"[": 1, "{": 1, "]": -1, "}": -1}
 def toml_values(text: str) -> dict[str, Any]:
     """The values of a TOML text, as `tomllib.loads` gives them.
 
-    Deep nesting is refused before the text is parsed: the parser takes time that grows with the square of the parts of
-    a key, and a level of Python's stack for every bracket.
+    Deep nesting is refused before the text is parsed: the parser takes time that grows with the square of the parts
+    of a key, and a level of Python's stack for every bracket.
 
     Raises: TOMLDecodeError if the text is not TOML, is longer than MAX_BYTES, or is nested deeper than MAX_DEPTH.
     """

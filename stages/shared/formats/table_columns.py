@@ -1,4 +1,4 @@
-"""Column names of text tables: the joint and the axis that a column holds, such as `Hips.x`, `Hips_Z (mm)`, `Hips.rot.y`.
+"""Column names of text tables: the joint and the axis that a column holds (`Hips.x`, `Hips_Z (mm)`, `Hips.rot.y`).
 
 Names are taken apart character by character, in time proportional to their length. A pattern that tries separators in
 every way takes minutes for a name of a hundred thousand dashes.
@@ -14,10 +14,11 @@ _AXES = "xyz"
 PLACE = "place"
 _KINDS = {
     **dict.fromkeys(("position", "positions", "pos", "translation", "trans", "location", "loc"), PLACE),
-    **dict.fromkeys(("rotation", "rotations", "rot", "angle", "angles", "euler", "orientation", "orient"), "angle"),
-    **dict.fromkeys(("quaternion", "quat", "q"), "quaternion"),
-    **dict.fromkeys(("velocity", "vel", "acceleration", "accel", "acc"), "velocity or acceleration"),
+    **dict.fromkeys(("rotation", "rotations", "rot", "angle", "angles", "euler", "orientation", "orient"), "angles"),
+    **dict.fromkeys(("quaternion", "quat", "q"), "quaternions"),
+    **dict.fromkeys(("velocity", "vel", "acceleration", "accel", "acc"), "velocities"),
 }
+_TRC_START = b"PathFileType"
 _LONGEST_KIND = max(map(len, _KINDS))
 
 
@@ -40,6 +41,22 @@ def column_named(name: str) -> Column | None:
     return _with_axis(text[:at].rstrip()) if at > 0 else None
 
 
+def looks_like_places(start: bytes) -> bool:
+    """Whether the first line of a file's start names the x, y and z of a place."""
+    head = start.replace(b"\r", b"\n").partition(b"\n")[0].decode("utf-8", errors="replace")
+    axes: dict[str, set[str]] = {}
+    for cell in cells_of(head, separator_of(head)):
+        column = column_named(cell)
+        if column and column.kind == PLACE:
+            axes.setdefault(column.joint, set()).add(column.axis)
+    return any(len(found) == 3 for found in axes.values())
+
+
+def looks_trc(start: bytes) -> bool:
+    """Whether a file's start is that of a .trc."""
+    return start.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_TRC_START)
+
+
 def _with_axis(text: str) -> Column | None:
     if text.endswith(")") and text[-3:-2] == "(":
         axis, before = text[-2], text[:-3]
@@ -53,7 +70,7 @@ def _with_axis(text: str) -> Column | None:
     kind = _KINDS.get(word.lower(), PLACE)
     if kind != PLACE or word.lower() in _KINDS:
         joint = joint[: len(joint) - len(word)].rstrip(_SEPARATORS) or joint
-    if axis == "w" and kind != "quaternion":
+    if axis == "w" and kind != "quaternions":
         return None
     return Column(joint, axis, kind)
 
