@@ -84,9 +84,9 @@ _LEFT_OF_33: JointList = (
 )  # fmt: skip
 _MEDIAPIPE33 = _in_order(
     "nose left_eye_inner left_eye left_eye_outer right_eye_inner right_eye right_eye_outer left_ear right_ear"
-    " mouth_left mouth_right left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist left_pinky right_pinky"
-    " left_index right_index left_thumb right_thumb left_hip right_hip left_knee right_knee left_ankle right_ankle"
-    " left_heel right_heel left_toe right_toe",
+    " mouth_left mouth_right left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist"
+    " left_pinky right_pinky left_index right_index left_thumb right_thumb left_hip right_hip left_knee"
+    " right_knee left_ankle right_ankle left_heel right_heel left_toe right_toe",
     (*_TRUNK, *_NOSE, *_EYES, *_EARS, *_LIMBS, *_LEFT_OF_33, *_mirrored(_LEFT_OF_33)),
 )
 _LEFT_FOOT_OF_26: JointList = (

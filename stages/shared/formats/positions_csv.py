@@ -69,7 +69,7 @@ def lines_of(data: bytes) -> Iterator[tuple[int, str]]:
 
 
 def _meaning(columns: list[str], name: str) -> tuple[tuple[str, ...], list[int], int | None, int]:
-    """Joints' names, the columns of their x, y and z, the column of times, and the count of columns of other kinds."""
+    """Joints' names, the columns of their x, y and z, the column of times, and how many are of other kinds."""
     found: dict[str, dict[str, int]] = {}
     time = None
     others: list[tuple[str, str]] = []
