@@ -16,6 +16,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.bvh_header import BvhJoint, HeaderFault, parse_header
+from stages.shared.formats.table_columns import decimal_commas_hint
 
 __all__ = ["BvhFile", "BvhJoint", "read_bvh"]
 
@@ -152,7 +153,7 @@ def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
         raise InputError(
             f"{name}, line {line + 2}: Frame Time is '{time_text.decode('latin-1')[:40]}'"
             " and must be seconds between 0.0001 and 10.",
-            "Write 1 divided by the frames per second.",
+            decimal_commas_hint(time_text.decode("latin-1")) or "Write 1 divided by the frames per second.",
         )
     return int(frames_text), frame_time, sum(map(len, lines[: written[2] + 1]))
 
@@ -245,7 +246,10 @@ def _row_error(row: bytes, columns: int, place: _Place, line: int) -> InputError
     for column, word in enumerate(words[:columns]):
         if not _is_number(word):
             shown = word.decode("latin-1")[:40]
-            return InputError(f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.")
+            return InputError(
+                f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.",
+                decimal_commas_hint(shown),
+            )
     hint = "Is the file truncated?" if len(words) < columns else None
     return InputError(f"{place.name}, line {line}: {len(words)} values, but {columns} channels are declared.", hint)
 

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
+from stages.shared.formats.table_columns import decimal_commas_hint
+
 MAX_JOINTS = 4096
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
@@ -183,7 +185,8 @@ class _Parser:
         try:
             x, y, z = (float(word) for word in words[1:4])
         except ValueError:
-            raise HeaderFault(line, f"OFFSET of '{top.name}' needs three numbers, found {words[1:4]}") from None
+            hint = next(filter(None, map(decimal_commas_hint, words[1:4])), None)
+            raise HeaderFault(line, f"OFFSET of '{top.name}' needs three numbers, found {words[1:4]}", hint) from None
         if not all(math.isfinite(value) and abs(value) < 1e9 for value in (x, y, z)):
             raise HeaderFault(line, f"OFFSET of '{top.name}' is not finite or too large: {words[1:4]}")
         top.offset = (x, y, z)
