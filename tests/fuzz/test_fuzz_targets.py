@@ -32,7 +32,7 @@ def test_every_format_is_fuzzed() -> None:
 def test_a_target_notices_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     from stages.shared.formats import bvh_motion
 
-    monkeypatch.setattr(bvh_motion, "motion_of", lambda *given, **options: 1 / 0)
+    monkeypatch.setattr(bvh_motion, "read_bvh_motion", lambda *given: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         FUZZ_TARGETS["bvh"].run(FUZZ_TARGETS["bvh"].seeds()[0])
 

@@ -169,12 +169,15 @@ def recognise(data: bytes, name: str) -> Format | None:
     Raises: InputError for a format that is recognised but cannot be read.
     """
     start = data[:_LOOKED_AT]
+    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
+    by_suffix = [each for each in FORMATS if suffix in each.suffixes]
+    for each in by_suffix:
+        if each.looks(start):
+            return each
     refuse_unread(data, name, by_suffix=False)
     if start.startswith(b"PK"):
         return _of_arrays(data)
-    suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
-    by_suffix = [each for each in FORMATS if suffix in each.suffixes]
-    for each in (*by_suffix, *FORMATS):
+    for each in FORMATS:
         if each.looks(start):
             return each
     chosen = next((each for each in by_suffix if not each.shared and each.name != "amass"), None)
