@@ -101,8 +101,8 @@ _SENTENCES: dict[Flag, Callable[..., str]] = {
     Flag.BONES_STRETCH: lambda: "Some bones slide or stretch; their translations and lengths were left out.",
     Flag.PLACES_INTERPOLATED: lambda places: f"{places} missing places of joints were interpolated linearly in time.",
     Flag.COLUMNS_LEFT_OUT: lambda where, left_out, without: (
-        f"Columns for which {where} has no joint were left out: {left_out}."
-        + (f" Joints without a column: {without}." if without else "")
+        f"Columns for which {where} has no joint were left out: {left_out}"
+        f"{f'; joints without a column: {without}' if without else ''}."
     ),
     Flag.ROTATIONS_LEFT_OUT: lambda columns: (
         f"{columns} columns of rotations or velocities were left out; only the places of joints are read."

@@ -70,13 +70,15 @@ def _fuzz(name: str, folder: Path, minutes: float) -> int:
     corpus.mkdir(parents=True, exist_ok=True)
     for at, seed in enumerate(target.seeds()):
         (corpus / f"seed-{at}").write_bytes(seed)
-    words = folder / f"{name}.dict"
-    words.write_text(dictionary_of(target.words))
     flags = [
         f"-max_total_time={int(60 * minutes)}", f"-timeout={LONGEST_S}", f"-rss_limit_mb={MOST_MB}",
-        f"-max_len={LONGEST_INPUT}", f"-artifact_prefix={folder / name}-", f"-dict={words}", "-print_final_stats=1",
+        f"-max_len={LONGEST_INPUT}", f"-artifact_prefix={folder / name}-", "-print_final_stats=1",
         "-verbosity=0",
     ]  # fmt: skip
+    if target.words:  # libFuzzer refuses an empty dictionary
+        words = folder / f"{name}.dict"
+        words.write_text(dictionary_of(target.words))
+        flags.append(f"-dict={words}")
     atheris.Setup([sys.argv[0], *flags, str(corpus)], target.run)
     atheris.Fuzz()
     return 0

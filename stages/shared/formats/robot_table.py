@@ -284,6 +284,7 @@ def _line_by_line(
             )
         else:
             raise InputError(
-                f"{name}, line {begins + row + 1}: '{(bad or '')[:40]}' is not a number.", decimal_commas_hint(bad or "")
+                f"{name}, line {begins + row + 1}: '{(bad or '')[:40]}' is not a number.",
+                decimal_commas_hint(bad or ""),
             )
     return values

@@ -69,7 +69,7 @@ def test_unmatched_names_are_left_out_and_reported() -> None:
     ):
         recording = _read(_csv(names, PLACES), **options)
         (told,) = [str(note) for note in recording.notes if note.flag is Flag.COLUMNS_LEFT_OUT]
-        assert f"{options['rig_name']} has no joint were left out: HatHead. Joints without a column: Head." in told
+        assert f"{options['rig_name']} has no joint were left out: HatHead; joints without a column: Head." in told
         others = tuple(name for name in NAMES if name != "Head")
         assert _error_cm(recording, others, PLACES[:, [NAMES.index(name) for name in others]]) < 0.3
 
