@@ -22,7 +22,6 @@
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
-# make fuzz-damage    20 times as many damaged files for every reader as the tests give them; TIMES=200 for more
 # make install | lint | bench | clean-run RUN=mine | help
 #
 # All of them take RUN, PRESET, DATA and SET. Tables read archives in SHARED_DATA (../shared/data), which `pumps data list`
@@ -52,7 +51,7 @@ SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-train bench-ingest lint test fuzz fuzz-damage clean-run
+.PHONY: help install install-dev demo reproduce fill table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -152,7 +151,6 @@ any-humanoid: install-dev
 
 DEVICE  ?= cpu
 BATCH   ?= 2
-TIMES   ?= 20
 MINUTES ?= 1
 
 bench: install-dev
@@ -177,6 +175,3 @@ test: lint
 # Corpora and finds lie in runs/fuzz. atheris has no wheels for some systems, so that it is installed for this alone.
 fuzz: $(VENV)/installed-fuzz
 	OMP_NUM_THREADS=1 $(VENV)/bin/python -m tests.fuzz.run --minutes $(MINUTES) --folder '$(RUNS)/fuzz' $(TARGETS)
-
-fuzz-damage: install-dev
-	PUMPS_FUZZ=$(TIMES) OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 -q tests/shared/formats/test_fuzz_readers.py

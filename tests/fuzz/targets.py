@@ -6,8 +6,10 @@ Anything else is a find: another exception, an error that does not name the file
 
 from __future__ import annotations
 
+import atexit
 import io
 import json
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -103,12 +105,7 @@ def arrays_of(data: bytes, sound: dict[str, np.ndarray]) -> dict[str, np.ndarray
             sizes = list(arrays[key].shape)
         size = int(np.prod(sizes)) * dtype.itemsize
         content = (numbers * (size // max(len(numbers), 1) + 1))[:size].ljust(size, b"\0")
-        try:
-            array = np.frombuffer(content, dtype).reshape(sizes)
-            "".join(array.ravel().tolist()) if dtype.kind == "U" else None  # not every four bytes are a letter
-        except ValueError:
-            continue
-        arrays[key] = array
+        arrays[key] = np.frombuffer(content, dtype).reshape(sizes)
     return arrays
 
 
@@ -143,7 +140,9 @@ def _edits() -> list[bytes]:
 
 @lru_cache(maxsize=1)
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="pumps-fuzz-"))
+    folder = Path(tempfile.mkdtemp(prefix="pumps-fuzz-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def _archive(data: bytes, suffix: str) -> None:

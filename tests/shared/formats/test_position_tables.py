@@ -211,3 +211,11 @@ def test_names_of_joints_match_in_any_spelling() -> None:
     assert [end_of(name) for name in ("Foot_End", "Head End Site", "LeftToe.Nub", "Bend", "_End")] == [
         "Foot", "Head", "LeftToe", "", "",
     ]  # fmt: skip
+
+
+def test_text_in_arrays_that_is_no_text_is_refused() -> None:
+    names = np.array([[0x11FFFF], [65]], np.uint32).view("<U1").ravel()
+    for array in (names, names.astype(">U1")[:0], np.frombuffer(names.tobytes(), "<U2")):
+        data = npz(positions=PLACES[:, :2], names=array)
+        with pytest.raises(InputError, match="text that is damaged" if array.size else "no joint names and parents"):
+            _read(data)
