@@ -21,7 +21,7 @@
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
-# make fuzz        20 times as many damaged files for every reader as the tests give them; TIMES=200 for more
+# make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
 # make install | lint | bench | clean-run RUN=mine | help
 #
 # All of them take RUN, PRESET, DATA and SET. Tables read archives in SHARED_DATA (../shared/data), which `pumps data list`
@@ -70,8 +70,8 @@ $(VENV)/installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e .
 	@touch $@
 
-$(VENV)/installed-dev $(VENV)/installed-bench: $(VENV)/installed%: pyproject.toml constraints.txt | $(VENV)/bin/python
-	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev$(patsubst -bench,$(comma)bench,$(filter -bench,$*))]'
+$(VENV)/installed-dev $(VENV)/installed-bench $(VENV)/installed-fuzz: $(VENV)/installed%: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev$(patsubst -%,$(comma)%,$(filter -bench -fuzz,$*))]'
 	@touch $(VENV)/installed $@
 comma := ,
 
@@ -152,7 +152,7 @@ any-humanoid: install-dev
 
 DEVICE  ?= cpu
 BATCH   ?= 2
-TIMES   ?= 20
+MINUTES ?= 1
 
 bench: install-dev
 	@for script in $(filter-out benchmarks/training_step.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
@@ -173,5 +173,6 @@ lint: install-dev
 test: lint
 	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
 
-fuzz: install-dev
-	PUMPS_FUZZ=$(TIMES) OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 -q tests/shared/formats/test_fuzz_readers.py
+# Corpora and finds lie in runs/fuzz. atheris has no wheels for some systems, so that it is installed for this alone.
+fuzz: $(VENV)/installed-fuzz
+	OMP_NUM_THREADS=1 $(VENV)/bin/python -m tests.fuzz.run --minutes $(MINUTES) --folder '$(RUNS)/fuzz' $(TARGETS)

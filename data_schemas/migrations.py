@@ -138,7 +138,9 @@ def _training_of_log(folder: Path) -> dict[str, Any]:
     return {"steps": last.get("step") or 0, "minutes": round((last.get("seconds") or 0) / 60, 1)}
 
 
-_SENTENCE_1 = re.compile(r"(\d+) clips, (\d+\.\d+) hours, (\d+) skeletons, from (.*?)(?=; \d+ clips, |\Z)", re.DOTALL)
+_SENTENCE_1 = re.compile(
+    r"(\d{1,18}) clips, (\d+\.\d+) hours, (\d+) skeletons, from (.*?)(?=; \d+ clips, |\Z)", re.DOTALL
+)
 _ARCHIVE_ENDS_1 = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tbz", ".tar.xz", ".txz")
 _LOOSE_1 = "loose files"
 

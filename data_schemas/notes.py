@@ -27,6 +27,8 @@ class Flag(str, Enum):
     NO_TRANSLATION = "no-translation"
     BONES_STRETCH = "bones-stretch"
     PLACES_INTERPOLATED = "places-interpolated"
+    COLUMNS_LEFT_OUT = "columns-left-out"
+    ROTATIONS_LEFT_OUT = "rotations-left-out"
     OTHER_SKINS = "other-skins"
     NODES_AS_JOINTS = "nodes-as-joints"
     UPSIDE_DOWN = "upside-down"
@@ -101,6 +103,13 @@ _SENTENCES: dict[Flag, Callable[..., str]] = {
     Flag.NO_TRANSLATION: lambda: "It has no trans; the pelvis stays where it is.",
     Flag.BONES_STRETCH: lambda: "Some bones slide or stretch; their translations and lengths were left out.",
     Flag.PLACES_INTERPOLATED: lambda places: f"{places} missing places of joints were interpolated linearly in time.",
+    Flag.COLUMNS_LEFT_OUT: lambda where, left_out, without: (
+        f"Columns for which {where} has no joint were left out: {left_out}"
+        f"{f'; joints without a column: {without}' if without else ''}."
+    ),
+    Flag.ROTATIONS_LEFT_OUT: lambda columns: (
+        f"{columns} columns of rotations or velocities were left out; only the places of joints are read."
+    ),
     Flag.OTHER_SKINS: lambda joints: f"{joints} joints of other skins were left out.",
     Flag.NODES_AS_JOINTS: lambda: "It has no skin; its animated nodes are taken for joints.",
     Flag.UPSIDE_DOWN: lambda: "The robot is upside down; the quaternions seem to be w x y z where x y z w is read.",

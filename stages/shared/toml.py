@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,24 +16,68 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
+MAX_BYTES = 4 << 20
+MAX_DEPTH = 32  # brackets inside brackets, or dots in a key
+TOMLDecodeError = tomllib.TOMLDecodeError
+# Strings, comments and structure. Strings that are never closed match up to where they must end, so that no part of
+# the text is looked at twice.
+_TOKEN = re.compile(
+    r'"""(?:[^\\]|\\.)*?(?:"""|\Z)'
+    r"|\'\'\'.*?(?:\'\'\'|\Z)"
+    r'|"(?:[^"\\\n]|\\[^\n])*"?'
+    r"|'[^'\n]*'?|#[^\n]*|[\[\]{}.=,\n]",
+    re.DOTALL,
+)
+_DEPTHS = {"[": 1, "{": 1, "]": -1, "}": -1}
+
+
+def toml_values(text: str) -> dict[str, Any]:
+    """The values of a TOML text, as `tomllib.loads` gives them.
+
+    Deep nesting is refused before the text is parsed: the parser takes time that grows with the square of the parts
+    of a key, and a level of Python's stack for every bracket.
+
+    Raises: TOMLDecodeError if the text is not TOML, is longer than MAX_BYTES, or is nested deeper than MAX_DEPTH.
+    """
+    if len(text) > MAX_BYTES:
+        raise TOMLDecodeError(f"it is longer than {MAX_BYTES >> 20} MB")
+    depth = dots = 0
+    for token in _TOKEN.finditer(text):
+        mark = token[0]
+        depth = max(depth + _DEPTHS.get(mark, 0), 0)
+        if mark == ".":
+            dots += 1
+        elif mark[0] not in "\"'":
+            dots = 0
+        if depth > MAX_DEPTH or dots > MAX_DEPTH:
+            line = text.count("\n", 0, token.start()) + 1
+            raise TOMLDecodeError(f"it is nested more than {MAX_DEPTH} levels deep (at line {line})")
+    try:
+        return tomllib.loads(text)
+    except TOMLDecodeError:
+        raise
+    except ValueError:  # a whole number of thousands of digits
+        raise TOMLDecodeError("a number has too many digits") from None
+
 
 def read_toml(path: Path, *, what: str = "settings file", option: str = "--config") -> dict[str, Any]:
-    """The tables and keys of a TOML file. Raises InputError when it is missing or no TOML."""
+    """The tables and keys of a TOML file. Raises InputError when it is missing or not TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            return toml_values(file.read(MAX_BYTES + 1).decode("utf-8"))
     except FileNotFoundError:
         raise InputError(f"The {what} {path} does not exist.", f"Check the path given to {option}.") from None
+    except TOMLDecodeError as error:
+        raise InputError(f"The {what} {path} is not valid TOML: {error}.") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"The {what} {path} cannot be read: {error}.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"The {what} {path} is not valid TOML: {error}.") from None
 
 
 def parse_value(text: str) -> Any:
     """`text` as a TOML value where it is one (a number, true, a list, a quoted string), else as it stands."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, KeyError):
+        return toml_values(f"value = {text}")["value"]
+    except (TOMLDecodeError, KeyError):
         return text
 
 

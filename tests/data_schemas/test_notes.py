@@ -17,6 +17,8 @@ FIGURES = {
     Flag.UNIT_UNCERTAIN: {"unit_m": 0.0254, "stature_m": 1.7, "scaled": False},
     Flag.PLACES_INTERPOLATED: {"places": 5},
     Flag.OTHER_SKINS: {"joints": 4},
+    Flag.COLUMNS_LEFT_OUT: {"where": "rig.bvh", "left_out": "Hat, Cape", "without": "Head"},
+    Flag.ROTATIONS_LEFT_OUT: {"columns": 63},
     Flag.NO_FRAME_RATE: {"fps": 120.0},
     Flag.NO_GENDER: {"pickled": True},
     Flag.UP_FROM_MOTION: {"up_axis": "y", "stands": True},

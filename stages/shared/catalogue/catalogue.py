@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -12,11 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from data_schemas.errors import InputError, UsageError
 from stages.shared.file_names import is_file_name
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pyright: ignore[reportMissingImports]
+from stages.shared.toml import TOMLDecodeError, toml_values
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _CHECKSUM = re.compile(r"sha256:[0-9a-f]{64}|md5:[0-9a-f]{32}|")
@@ -119,10 +114,10 @@ def read_catalogue(path: Path | None = None) -> dict[str, DataSet]:
     where = str(path) if path else "data_sets.toml"
     try:
         data = path.read_bytes() if path else files("stages.shared.catalogue").joinpath("data_sets.toml").read_bytes()
-        tables = tomllib.loads(data.decode("utf-8"))
+        tables = toml_values(data.decode("utf-8"))
     except OSError as error:
         raise InputError(f"{where} cannot be read: {error.strerror}.") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (UnicodeDecodeError, TOMLDecodeError) as error:
         raise InputError(f"{where} is not a TOML file: {error}.") from error
     found: dict[str, DataSet] = {}
     faults: list[str] = []

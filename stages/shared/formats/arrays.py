@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import sys
 import warnings
 import zipfile
 import zlib
@@ -47,6 +48,10 @@ def read_array(data: bytes, name: str) -> np.ndarray:
             "Is the file truncated?",
         )
     flat = np.frombuffer(data, dtype, offset=stream.tell())
+    if dtype.kind == "U":  # four bytes a letter, and Python has a SystemError for those that are none
+        letters = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(dtype.byteorder), offset=stream.tell())
+        if letters.size and letters.max() > sys.maxunicode:
+            raise InputError(f"{name} holds text that is damaged.", "Fetch it again.")
     array = flat.reshape(shape, order="F" if by_columns else "C")
     return array.astype(dtype.newbyteorder("="), copy=False)
 

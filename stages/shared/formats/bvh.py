@@ -14,17 +14,14 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
-from stages.shared.formats.bvh_header import DECIMAL_COMMA, BvhJoint, HeaderFault, has_decimal_comma, parse_header
+from stages.shared.formats.bvh_header import BvhJoint, HeaderFault, parse_header
+from stages.shared.formats.table_columns import decimal_commas_hint
 
 __all__ = ["BvhFile", "BvhJoint", "read_bvh"]
 
 MAX_HEADER_BYTES = 4 << 20
 _MOTION = re.compile(rb"(?:^|[\r\n])[ \t]*MOTION[ \t]*(?=[\r\n])", re.IGNORECASE)
-_COUNTS = re.compile(
-    rb"\s*MOTION\s+Frames[ \t]*:?[ \t]*(?P<frames>\S*)[ \t]*\s*?(?:\r\n|\n|\r)"
-    rb"\s*Frame[ \t]*Time[ \t]*:?[ \t]*(?P<time>\S*)[ \t]*(?:\r\n|\n|\r|$)",
-    re.IGNORECASE,
-)
+_LONGEST_COUNTS = 4096  # bytes of the MOTION, Frames and Frame Time lines
 
 
 @dataclass(frozen=True)
@@ -139,10 +136,12 @@ def _decode(header: bytes, name: str) -> tuple[str, str]:
 
 def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
     """Declared frames, frame time, and the offset of the first row."""
-    match = _COUNTS.match(rest[:4096])
-    if match is None:
+    lines = rest[:_LONGEST_COUNTS].splitlines(keepends=True)
+    written = [at for at, each in enumerate(lines) if each.strip()][:3]  # MOTION, Frames and Frame Time
+    frames_text = _value_after((b"Frames",), lines[written[1]]) if len(written) == 3 else None
+    time_text = _value_after((b"Frame", b"Time"), lines[written[2]]) if len(written) == 3 else None
+    if frames_text is None or time_text is None:
         raise InputError(f"{name}, line {line + 1}: expected 'Frames: N' and 'Frame Time: SECONDS' after MOTION.")
-    frames_text, time_text = match["frames"], match["time"]
     if not re.fullmatch(rb"\d{1,18}", frames_text):
         found = frames_text.decode("latin-1")[:40]
         raise InputError(f"{name}, line {line + 1}: Frames is '{found}' and must be a whole number.")
@@ -154,9 +153,20 @@ def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
         raise InputError(
             f"{name}, line {line + 2}: Frame Time is '{time_text.decode('latin-1')[:40]}'"
             " and must be seconds between 0.0001 and 10.",
-            DECIMAL_COMMA if has_decimal_comma([time_text]) else "Write 1 divided by the frames per second.",
+            decimal_commas_hint(time_text.decode("latin-1")) or "Write 1 divided by the frames per second.",
         )
-    return int(frames_text), frame_time, match.end()
+    return int(frames_text), frame_time, sum(map(len, lines[: written[2] + 1]))
+
+
+def _value_after(words: tuple[bytes, ...], line: bytes) -> bytes | None:
+    """The word that follows a line's first words and a colon, or no word; None if the line holds anything else."""
+    rest = line.strip()
+    for word in words:
+        if rest[: len(word)].lower() != word.lower():
+            return None
+        rest = rest[len(word) :].lstrip(b" \t")
+    found = rest.removeprefix(b":").split()
+    return b"".join(found) if len(found) < 2 else None
 
 
 @dataclass(frozen=True)
@@ -258,7 +268,7 @@ def _row_error(row: bytes, columns: int, place: _Place, line: int, *, last: bool
             shown = word.decode("latin-1")[:40]
             return InputError(
                 f"{place.name}, line {line}: '{shown}' ({place.joint_of(column)}) is not a number.",
-                DECIMAL_COMMA if has_decimal_comma([word]) else None,
+                decimal_commas_hint(shown),
             )
     hint = "Is the file truncated?" if last and len(words) < columns else "Mend the row: one number for each channel."
     return InputError(f"{place.name}, line {line}: {len(words)} values, but {columns} channels are declared.", hint)

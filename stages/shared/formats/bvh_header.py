@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from functools import lru_cache
+
+from stages.shared.formats.table_columns import decimal_commas_hint
 
 MAX_JOINTS = 4096
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 _CHANNELS = {name.lower(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
-DECIMAL_COMMA = "Write decimal points, as in 103.5, instead of commas."
-_NUMBER_WITH_COMMA = re.compile(rb"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -41,11 +40,6 @@ class HeaderFault(Exception):
         self.line = line
         self.message = message
         self.hint = hint
-
-
-def has_decimal_comma(words: list[bytes]) -> bool:
-    """True where a word is a number whose decimals stand behind a comma."""
-    return any(_NUMBER_WITH_COMMA.fullmatch(word) for word in words)
 
 
 @dataclass
@@ -191,12 +185,8 @@ class _Parser:
         try:
             x, y, z = (float(word) for word in words[1:4])
         except ValueError:
-            commas = has_decimal_comma([word.encode() for word in words[1:4]])
-            raise HeaderFault(
-                line,
-                f"OFFSET of '{top.name}' needs three numbers, found {words[1:4]}",
-                DECIMAL_COMMA if commas else None,
-            ) from None
+            hint = next(filter(None, map(decimal_commas_hint, words[1:4])), None)
+            raise HeaderFault(line, f"OFFSET of '{top.name}' needs three numbers, found {words[1:4]}", hint) from None
         if not all(math.isfinite(value) and abs(value) < 1e9 for value in (x, y, z)):
             raise HeaderFault(line, f"OFFSET of '{top.name}' is not finite or too large: {words[1:4]}")
         top.offset = (x, y, z)

@@ -11,8 +11,8 @@ from data_schemas.errors import PumpsError
 from stages.shared.formats.bvh import BvhFile
 
 DECIMALS = 6
-_FRAME_TIME_LINE = re.compile(r"(Frame[ \t]*Time[ \t]*:?[ \t]*)\S+", re.IGNORECASE)
-_FRAMES_LINE = re.compile(r"(Frames[ \t]*:?[ \t]*)\d+", re.IGNORECASE)
+_FRAME_TIME_LINE = re.compile(r"(Frame[ \t]*Time[ \t:]*)[^ \t:]\S*", re.IGNORECASE)
+_FRAMES_LINE = re.compile(r"(Frames[ \t:]*)\d+", re.IGNORECASE)
 
 
 def write_bvh(

@@ -3,48 +3,59 @@
 from __future__ import annotations
 
 import math
-import re
 from array import array
 from collections.abc import Iterator
 
 import numpy as np
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag, note
+from stages.shared.formats.measured_positions import MeasuredPositions
 from stages.shared.formats.recording import MAX_JOINTS
+from stages.shared.formats.table_columns import (
+    DECIMAL_COMMAS,
+    PLACE,
+    column_named,
+    decimal_commas_hint,
+    separator_of,
+)
 from stages.shared.formats.text_cells import texts_of_line
 
-_AXIS = re.compile(r"^(?P<joint>.+?)[\s._:/-]*\(?(?P<axis>[xyzXYZ])\)?\s*(?:[\[(][^\])]*[\])])?$")
 _TIMES = ("time", "t", "times", "timestamp", "seconds", "time_s", "time (s)", "time [s]")
-_COUNTS = ("frame", "frames", "index", "frame_index", "")
+_COUNTS = ("frame", "frames", "index", "frame_index", "frame#", "")
+_MOST_COLUMNS = 8 * MAX_JOINTS  # places and quaternions of all joints
 
 
-def read_csv(data: bytes, name: str) -> tuple[tuple[str, ...], np.ndarray, float | None]:
-    """Names, places (T, J, 3) with NaN for empty cells, and the rate if there is a column of times.
+def read_csv(data: bytes, name: str) -> MeasuredPositions:
+    """The places of a table, NaN for empty cells, and the rate if there is a column of times.
 
-    Raises: InputError naming the line and the column.
+    Columns of rotations beside those of places are left out, with a note.
+
+    Raises: InputError naming the line and the column; a table of rotations alone is refused.
     """
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
-    lines = _lines(data)
+    lines = lines_of(data)
     head = next(lines, (1, ""))[1].removeprefix("\ufeff")
-    separator = max((";", "\t", ","), key=head.count)
+    separator = separator_of(head)
     columns = texts_of_line(head, separator)
-    if len(columns) > 3 * MAX_JOINTS + 2:
-        raise InputError(f"{name} has {len(columns)} columns; pumps reads at most {3 * MAX_JOINTS}.")
-    names, order, time = _meaning(columns, name)
+    if len(columns) > _MOST_COLUMNS:
+        raise InputError(f"{name} has {len(columns)} columns; pumps reads at most {_MOST_COLUMNS}.")
+    names, order, time, others = _meaning(columns, name)
     numbers = array("d")  # lists of rows would take ten times the memory of the text
     for number, line in lines:
         numbers.extend(_row(line, separator, len(columns), f"{name}, line {number}"))
     values = np.frombuffer(numbers, np.float64).reshape(-1, len(columns))
     if not len(values):
         raise InputError(f"{name} has no rows.")
-    fps = _rate(values[:, time], name) if time is not None and len(values) > 1 else None
+    fps = rate_of_times(values[:, time], name) if time is not None and len(values) > 1 else None
     places = values[:, order].reshape(len(values), len(names), 3)
     places[~np.isfinite(places)] = np.nan
-    return names, places, fps
+    left_out = (note(Flag.ROTATIONS_LEFT_OUT, columns=others),) if others else ()
+    return MeasuredPositions(places, names, fps=fps, notes=left_out)
 
 
-def _lines(data: bytes) -> Iterator[tuple[int, str]]:
+def lines_of(data: bytes) -> Iterator[tuple[int, str]]:
     """Lines that are not blank, with their numbers from 1."""
     start, number = 0, 0
     while start < len(data):
@@ -57,21 +68,32 @@ def _lines(data: bytes) -> Iterator[tuple[int, str]]:
         start = end + 1
 
 
-def _meaning(columns: list[str], name: str) -> tuple[tuple[str, ...], list[int], int | None]:
-    """Joints' names, the columns of x, y and z of each, and the column of times."""
+def _meaning(columns: list[str], name: str) -> tuple[tuple[str, ...], list[int], int | None, int]:
+    """Joints' names, the columns of their x, y and z, the column of times, and how many are of other kinds."""
     found: dict[str, dict[str, int]] = {}
     time = None
-    for index, column in enumerate(columns):
-        match = _AXIS.match(column)
-        if column.lower() in _TIMES:
+    others: list[tuple[str, str]] = []
+    for index, cell in enumerate(columns):
+        if cell.lower() in _TIMES:
             time = index
-        elif match:
-            axes = found.setdefault(match["joint"], {})
-            if match["axis"].lower() in axes:
-                raise InputError(f"{name}, line 1: the column '{column[:60]}' stands twice.")
-            axes[match["axis"].lower()] = index
-        elif column.lower() not in _COUNTS:
-            raise InputError(f"{name}, line 1: '{column[:60]}' is not a column of a place, such as Hips.x.")
+            continue
+        if cell.lower() in _COUNTS:
+            continue
+        column = column_named(cell)
+        if column is None:
+            raise InputError(f"{name}, line 1: '{cell[:60]}' is not a column of a place, such as Hips.x.")
+        if column.kind != PLACE:
+            others.append((cell, column.kind))
+            continue
+        axes = found.setdefault(column.joint, {})
+        if column.axis in axes:
+            raise InputError(f"{name}, line 1: the column '{cell[:60]}' stands twice.")
+        axes[column.axis] = index
+    if others and not found:
+        raise InputError(
+            f"{name}, line 1: '{others[0][0][:60]}' holds {others[0][1]}, and no column holds a place.",
+            "Export the places of joints (columns such as Hips.x), or the motion as BVH or GLB.",
+        )
     if not found:
         raise InputError(f"{name}, line 1: there are no columns such as Hips.x.", "Is it a table of joint positions?")
     for joint, axes in found.items():
@@ -79,20 +101,31 @@ def _meaning(columns: list[str], name: str) -> tuple[tuple[str, ...], list[int],
             raise InputError(
                 f"{name}, line 1: joint '{joint[:60]}' has {', '.join(sorted(axes))} and needs x, y and z."
             )
-    return tuple(found), [axes[axis] for axes in found.values() for axis in "xyz"], time
+    if len(found) > MAX_JOINTS:
+        raise InputError(f"{name} has {len(found)} joints, and {MAX_JOINTS} are the most.")
+    return tuple(found), [axes[axis] for axes in found.values() for axis in "xyz"], time, len(others)
 
 
 def _row(line: str, separator: str, count: int, where: str) -> list[float]:
-    if line.count(separator) != count - 1:
-        raise InputError(f"{where}: {line.count(separator) + 1} cells where there are {count} columns.")
-    if separator == ";":
-        line = line.replace(",", ".")  # as spreadsheets write where commas are decimal points
     cells = [cell.strip().strip('"') for cell in line.split(separator)]
+    if len(cells) != count:
+        # "1,5,2,5" is two numbers whose decimals are written with commas.
+        doubled = separator == "," and count > 1 and len(cells) > 1.5 * count
+        raise InputError(
+            f"{where}: {len(cells)} cells where there are {count} columns.", DECIMAL_COMMAS if doubled else None
+        )
+    if separator == ";":
+        cells = [cell.replace(",", ".") for cell in cells]  # as spreadsheets write where commas are decimal points
+    return numbers_of(cells, where)
+
+
+def numbers_of(cells: list[str], where: str) -> list[float]:
+    """The cells as numbers, NaN for empty ones. Raises InputError naming the first cell that is not a number."""
     try:
         return [float(cell) if cell else math.nan for cell in cells]
     except ValueError:
         bad = next(cell for cell in cells if cell and not _is_number(cell))
-        raise InputError(f"{where}: '{bad[:40]}' is not a number.") from None
+        raise InputError(f"{where}: '{bad[:40]}' is not a number.", decimal_commas_hint(bad)) from None
 
 
 def _is_number(cell: str) -> bool:
@@ -103,8 +136,8 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _rate(times: np.ndarray, name: str) -> float:
-    """Frames per second of a column of times in seconds."""
+def rate_of_times(times: np.ndarray, name: str) -> float:
+    """Frames per second of a column of times (T,) in seconds. Raises InputError if they do not go up evenly."""
     steps = np.diff(times)
     step = float(np.median(steps)) if np.isfinite(steps).all() else float("nan")
     if not 1e-4 <= step <= 10:

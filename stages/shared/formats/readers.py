@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 from data_schemas.errors import InputError
 from stages.shared.formats.smpl_keys import is_smpl
 from stages.shared.formats.sources import Source, above, beside
+from stages.shared.formats.table_columns import looks_like_places, looks_trc
+from stages.shared.formats.unread_formats import refuse_unread
 
 if TYPE_CHECKING:
     from stages.shared.formats.recording import Asked, Recording
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 _LOOKED_AT = 8192
 _CSV_QUATERNION = re.compile(rb"(?:\w*[._ ])?(?:q|quat|quaternion|r|rot|rotation|orn|orientation)[._ ]*w")
 _CSV_NUMBER = re.compile(rb"[-+]?[\d.]+(?:e[-+]?\d+)?")
-_CSV_PLACE = re.compile(rb"[^,;\t\n]*[._: -]?[xyz]\"?[,;\t][^,;\t\n]*[._: -]?[xyz]", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -77,14 +78,15 @@ def _looks_gltf(start: bytes) -> bool:
 def _looks_robot(start: bytes) -> bool:
     head = start.removeprefix(b"\xef\xbb\xbf").lstrip().replace(b"\r", b"\n").partition(b"\n")[0].lower()
     cells = [cell.strip().strip(b'"') for cell in re.split(rb"[,;\t]", head)]
-    if any(_CSV_QUATERNION.fullmatch(cell) for cell in cells):
-        return True
+    quaternions = sum(_CSV_QUATERNION.fullmatch(cell) is not None for cell in cells)
+    if quaternions:  # a robot has one, its root's; a table of all joints' rotations has one for each
+        return quaternions == 1
     whole = cells if len(head) < len(start) else cells[:-1]  # the last one may be cut
     return len(whole) > 7 and all(_CSV_NUMBER.fullmatch(cell) for cell in whole)
 
 
 def _looks_positions(start: bytes) -> bool:
-    return start.startswith(b"\x93NUMPY") or _CSV_PLACE.search(start.partition(b"\n")[0]) is not None
+    return start.startswith(b"\x93NUMPY") or looks_trc(start) or looks_like_places(start)
 
 
 FORMATS: tuple[Format, ...] = (
@@ -128,10 +130,13 @@ FORMATS: tuple[Format, ...] = (
         shared=True, rig=".urdf",
     ),
     Format(
-        "positions", (".npy", ".npz", ".csv"), "stages.shared.formats.positions:read_positions", _looks_positions,
-        "joint positions (T, J, 3), or columns `Hips.x, Hips.y, Hips.z`; rotations by inverse kinematics",
-        "Names come from the file, a sidecar, or `--skeleton` (a rig, or the name of a known list). Positions do not"
-        " determine the twist about a bone: the smallest is used. Without a rate 30 is assumed.",
+        "positions", (".npy", ".npz", ".csv", ".trc"), "stages.shared.formats.positions:read_positions",
+        _looks_positions,
+        "joint positions (T, J, 3), columns `Hips.x, Hips.y, Hips.z`, or a `.trc` of OpenSim or Pose2Sim; landmarks"
+        " of MediaPipe (33), COCO (17) and Halpe (26); rotations by inverse kinematics",
+        "Names come from the file, a sidecar, or `--skeleton` (a rig, or the name of a known list). Columns go to the"
+        " joints of their names; others are left out and reported. Angles are refused. Positions do not determine the"
+        " twist about a bone: the smallest is used. Without a rate 30 is assumed.",
         shared=True, rig=".json",
     ),
     Format(
@@ -145,15 +150,6 @@ FORMATS: tuple[Format, ...] = (
 )  # fmt: skip
 NAMES = tuple(each.name for each in FORMATS)
 AUTO = "auto"
-_TO_GLB = "Convert it to GLB with Blender: docs/formats.md shows the command."
-_FOREIGN = ((b"Kaydara FBX Binary", "FBX", _TO_GLB), (b"; FBX ", "FBX", _TO_GLB), (b"#VRML", "VRML", _TO_GLB))
-
-
-_PICKLE = re.compile(rb"\x80[\x02-\x05]")  # the start of protocols 2 to 5, of Python, joblib and older PyTorch
-_TO_NPZ = (
-    "Opening a pickle runs code that it carries. Where you trust it, open it in Python and save plain arrays:"
-    " numpy.savez('clip.npz', global_orient=..., body_pose=..., transl=..., betas=...)."
-)
 
 
 def format_named(name: str) -> Format:
@@ -178,34 +174,30 @@ def recognise(data: bytes, name: str) -> Format | None:
     Raises: InputError for a format that is recognised but cannot be read.
     """
     start = data[:_LOOKED_AT]
-    for mark, what, hint in _FOREIGN:
-        if start.startswith(mark):
-            raise InputError(f"{name} is {what}, which pumps does not read.", hint)
-    if _PICKLE.match(start):
-        raise InputError(f"{name} is a Python pickle (or an old PyTorch file), which pumps does not read.", _TO_NPZ)
-    if start.startswith(b"PK"):
-        return _of_arrays(data, name)
     suffix = PurePosixPath(name.replace("\\", "/")).suffix.lower()
     by_suffix = [each for each in FORMATS if suffix in each.suffixes]
-    for each in (*by_suffix, *FORMATS):
+    for each in by_suffix:
         if each.looks(start):
             return each
-    return next((each for each in by_suffix if not each.shared and each.name != "amass"), None)
+    refuse_unread(data, name, by_suffix=False)
+    if start.startswith(b"PK"):
+        return _of_arrays(data)
+    for each in FORMATS:
+        if each.looks(start):
+            return each
+    chosen = next((each for each in by_suffix if not each.shared and each.name != "amass"), None)
+    if chosen is None:
+        refuse_unread(data, name)
+    return chosen
 
 
-def _of_arrays(data: bytes, name: str) -> Format | None:
-    """AMASS or positions, by the names of the arrays; None for AMASS' files that hold body shapes only.
-
-    Raises: InputError for a PyTorch file.
-    """
+def _of_arrays(data: bytes) -> Format | None:
+    """AMASS or positions, by the names of the arrays; None for AMASS' files that hold body shapes only."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = archive.namelist()[:1000]
-            arrays = {name.removesuffix(".npy") for name in members}
+            arrays = {name.removesuffix(".npy") for name in archive.namelist()[:1000]}
     except (zipfile.BadZipFile, LookupError, OSError, ValueError, NotImplementedError, RuntimeError):
         return format_named("amass")  # its reader reports the fault
-    if any(member.endswith("data.pkl") for member in members):
-        raise InputError(f"{name} is a PyTorch file, a pickle inside, which pumps does not read.", _TO_NPZ)
     if is_smpl(arrays):
         return format_named("amass")
     if arrays <= {"betas", "gender", "num_betas", "surface_model_type", "v_template", "labels", "labels_obs"}:
@@ -245,6 +237,7 @@ def read_recordings(data: bytes, source: Source, chosen: Format, asked: Asked) -
 
     Raises: InputError naming the file.
     """
+    refuse_unread(data, source.name, by_suffix=False)
     if chosen.rig and not asked.rig and not asked.rig_name:
         rig = rig_beside(source, chosen.rig)
         if rig is not None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from stages.shared.formats.robot_rig import RobotRig
+from stages.shared.formats.table_columns import decimal_commas_hint
 
 ROOT_COLUMNS = ("root_x", "root_y", "root_z", "root_qx", "root_qy", "root_qz", "root_qw")
 _MOST_COLUMNS = 20_000
@@ -22,7 +23,7 @@ _FARTHEST_M = 1e5
 _MOST_TURNS = 1e4
 _ROOT_NAME = re.compile(
     r"(?:root|base|pelvis|floating_base|torso)?[._ ]*"
-    r"(?:(?P<place>pos|position|trans|translation|t|p)?[._ ]*(?P<axis>[xyz])"
+    r"(?:(?:(?P<place>pos|position|trans|translation|t|p)[._ ]*)?(?P<axis>[xyz])"
     r"|(?P<turn>rot|rotation|quat|quaternion|orientation|orn|q|r)[._ ]*(?P<part>[xyzw]))"
 )
 USUAL_DECIMALS, _MOST_DECIMALS = 6, 12
@@ -282,5 +283,8 @@ def _line_by_line(
                 "Is the file truncated?",
             )
         else:
-            raise InputError(f"{name}, line {begins + row + 1}: '{(bad or '')[:40]}' is not a number.")
+            raise InputError(
+                f"{name}, line {begins + row + 1}: '{(bad or '')[:40]}' is not a number.",
+                decimal_commas_hint(bad or ""),
+            )
     return values

@@ -29,6 +29,8 @@ from stages.shared.humanoid.anatomy import RigAnatomy
 from stages.shared.humanoid.body_groups import BodyParts
 from stages.shared.toml import read_toml, toml_text
 
+_MOST_SHOWN = 20  # faults in an error; a suggestion for each takes time that grows with the length of both names
+_LONGEST_SHOWN = 60
 _KEYS = ("unit_m", "up", "pelvis", "outside", "chains", "beside")
 UP_AXES = ("y", "z")
 
@@ -109,7 +111,10 @@ def choose_map(maps: Sequence[SkeletonMap], names: Sequence[str], *, must_fit: b
         unknown = [joint for joint in each.joints if joint not in known]
         foreign = len(unknown) == len(each.joints)
         if each.faults or (unknown and (must_fit or not foreign)):
-            raise _error(each, [*each.faults, *(_unknown(joint, names) for joint in unknown)])
+            missing = [_unknown(joint, names) for joint in unknown[:_MOST_SHOWN]]
+            if len(unknown) > _MOST_SHOWN:
+                missing.append(f"the rig lacks {len(unknown) - _MOST_SHOWN} more of its joints")
+            raise _error(each, [*each.faults, *missing])
         if not unknown:
             return each
     return None
@@ -204,8 +209,9 @@ def _names(given: Any, key: str, faults: list[str]) -> tuple[str, ...]:
 
 
 def _unknown(joint: str, names: Sequence[str]) -> str:
-    near = difflib.get_close_matches(joint, names[:500], n=1)
-    return f"the rig has no joint '{joint}'" + (f"; is it '{near[0]}'?" if near else "")
+    shown = joint[:_LONGEST_SHOWN]
+    near = difflib.get_close_matches(shown, [name[:_LONGEST_SHOWN] for name in names[:500]], n=1)
+    return f"the rig has no joint '{shown}'" + (f"; is it '{near[0]}'?" if near else "")
 
 
 def _line(joint: int, parents: np.ndarray) -> list[int]:

@@ -1,6 +1,6 @@
 """Whatever bytes a reader is given: motion, or an InputError that names the file; soon, and in little memory.
 
-PUMPS_FUZZ multiplies the number of damaged files; `make fuzz` sets it. The counts stand at the end of the report.
+PUMPS_FUZZ=20 multiplies the number of damaged files by 20. The counts stand at the end of the report.
 """
 
 from __future__ import annotations

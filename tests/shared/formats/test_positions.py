@@ -216,7 +216,7 @@ NAMES, PLACES, _ = _truth()
         (_csv(list(NAMES), PLACES)[:-30], {"rig": RIG.data(), "rig_name": "r"}, "line 21"),
         (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Head.y"), {"rig": RIG.data()}, "twice"),
         (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Hood.z"), {"rig": RIG.data()}, "needs x, y and z"),
-        (_csv(list(NAMES), PLACES).replace(b"Head.", b"Hood."), {"rig": RIG.data()}, "no joint 'Hood'"),
+        (_csv([f"Hood{i}" for i in range(21)], PLACES), {"rig": RIG.data()}, "no joint 'Hood0', nor 20 more"),
         (npz(joints=PLACES, names=np.array(["a"])), {"rig": RIG.data(), "rig_name": "r"}, "21 joints but 1 names"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.full(21, 3)), {}, "0 roots"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.arange(-1, 20) * 0 - 1), {}, "21 roots"),
