@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import sys
 
-from pumps_cli.terminal import end_at_interrupt, ended, open_closed_streams
+from pumps_cli.interrupts import end_at_interrupt
 
 
 def main() -> None:
     """Run `pumps` with the shell's arguments. Leaves by SystemExit with the exit code."""
     end_at_interrupt()
+    # Only now: an interrupt while these are loaded ends the program without a traceback.
+    from pumps_cli.terminal import ended, open_closed_streams
+
     open_closed_streams()
-    from pumps_cli.app import (
-        main as run,
-    )  # only now: an interrupt while it loads ends the program without a traceback
+    from pumps_cli.app import main as run
 
     code, failure, stdout = 0, None, sys.stdout
     try:

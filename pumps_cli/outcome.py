@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from data_schemas.errors import PumpsError
-from pumps_cli.terminal import COULD_NOT, INTERRUPTED, NO_READER, interrupts_raised, say, say_aside, visible
+from pumps_cli.interrupts import INTERRUPTED
+from pumps_cli.terminal import COULD_NOT, NO_READER, interrupts_raised, say, say_aside, visible
 
 if TYPE_CHECKING:
     from stages.shared.contract import StageReport

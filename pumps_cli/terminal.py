@@ -1,6 +1,6 @@
 """What reaches the terminal: texts without control characters, in any encoding, and what closed or full outputs mean.
 
-Imports nothing that is slow, since it is needed before anything else is imported.
+Imports nothing that is slow, since it is needed before the command is loaded.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from types import FrameType
 
-INTERRUPTED = 130  # 128 and the number of SIGINT, as shells report it
+from pumps_cli.interrupts import end_program
+
 NO_READER = 141  # 128 and the number of SIGPIPE
 COULD_NOT = 1
 
@@ -86,27 +86,17 @@ def ended(code: int, failure: OSError | None = None) -> int:
     return code
 
 
-def end_at_interrupt() -> None:
-    """Let an interrupt (Ctrl-C) end the program at once and without a word, as before and after a command's work."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _end)
-
-
 @contextmanager
 def interrupts_raised() -> Iterator[None]:
     """Inside, an interrupt raises KeyboardInterrupt, so that what is unfinished is put in order."""
-    if signal.getsignal(signal.SIGINT) is not _end:  # called by another program, which has its own way
+    if signal.getsignal(signal.SIGINT) is not end_program:  # called by another program, which has its own way
         yield
         return
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, _end)
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    os._exit(INTERRUPTED)
+        signal.signal(signal.SIGINT, end_program)
 
 
 def _code(found: re.Match[str]) -> str:
