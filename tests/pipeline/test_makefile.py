@@ -119,7 +119,9 @@ def test_a_run_that_failed_goes_on_where_it_was(run: Run, stage: str):
 
 def test_weights_that_are_compared_fill_the_clips_and_are_played(run: Run):
     ran = run.make(flags=["COMPARE=small-free"])
-    assert sorted(ran) == sorted([*ALL, "infill", "infill", "infill"]), "two clips, by the run's weights and the shipped"
+    assert sorted(ran) == sorted([*ALL, "infill", "infill", "infill"]), (
+        "two clips, by the run's weights and the shipped"
+    )
     assert "--motions one/small-free=" in run.said and "two/small-free=" in run.said
     assert run.make(flags=["COMPARE=small-free"]) == []
     assert set(run.make()) == {"evaluate", "report"}, "without them, only what showed them is made again"

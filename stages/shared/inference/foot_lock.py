@@ -12,7 +12,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import roma
 import torch
 from scipy.ndimage import maximum_filter1d
 from torch import Tensor
@@ -26,6 +25,7 @@ from stages.shared.kinematics.foot_contacts import (
     find_feet,
     floor_levels,
 )
+from stages.shared.kinematics.rotations import conjugate, multiply
 from stages.shared.solve.binding import Binding
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.skeleton_pose import SkeletonPose
@@ -175,5 +175,5 @@ def _with_feet_kept(pose: SkeletonPose, rotations: Tensor, tops: list[int]) -> T
     out = pose.local.clone()
     for joint in tops:
         above = pose.rotations[:, int(pose.skeleton.parents[joint])]
-        out[:, joint] = roma.quat_product(roma.quat_conjugation(above), rotations[:, joint])
+        out[:, joint] = multiply(conjugate(above), rotations[:, joint])
     return out

@@ -11,9 +11,10 @@ unit quaternion keeps distances, two motions that share their first frame are as
 
 from __future__ import annotations
 
-import roma
 import torch
 from torch import Tensor
+
+from stages.shared.kinematics.rotations import conjugate, multiply
 
 
 def first_frame_offsets(rotations: Tensor) -> Tensor:
@@ -24,8 +25,8 @@ def first_frame_offsets(rotations: Tensor) -> Tensor:
 
     Returns: (..., T, J, 4) of the same dtype, sign-continuous; the first frame is the identity (0, 0, 0, 1).
     """
-    first = roma.quat_conjugation(rotations[..., :1, :, :])
-    return roma.quat_product(rotations, first.expand_as(rotations))
+    first = conjugate(rotations[..., :1, :, :])
+    return multiply(rotations, first.expand_as(rotations))
 
 
 def rotations_from_offsets(offsets: Tensor, known: Tensor, frame: int = 0) -> Tensor:
@@ -38,8 +39,8 @@ def rotations_from_offsets(offsets: Tensor, known: Tensor, frame: int = 0) -> Te
 
     Returns: (..., T, J, 4) global unit quaternions.
     """
-    at_known = roma.quat_conjugation(offsets[..., frame, :, :])
-    first = roma.quat_product(at_known, known)
+    at_known = conjugate(offsets[..., frame, :, :])
+    first = multiply(at_known, known)
     # Rounding must not add up over a long chain of products: unit length is asked for again.
-    product = roma.quat_product(offsets, first.unsqueeze(-3).expand_as(offsets))
+    product = multiply(offsets, first.unsqueeze(-3).expand_as(offsets))
     return torch.nn.functional.normalize(product, dim=-1)

@@ -68,7 +68,7 @@ def shorter_way(rotations: Array) -> Array:
 
 
 def turn_vectors(rotations: Tensor) -> Tensor:
-    """Rotation vectors (..., 3) radians, the shorter way, of unit quaternions (..., 4). Differentiable at no turn, too."""
+    """Rotation vectors (..., 3) radians, the shorter way, of unit quaternions (..., 4). Smooth at 0."""
     import torch
 
     rotations = shorter_way(rotations)
@@ -78,7 +78,7 @@ def turn_vectors(rotations: Tensor) -> Tensor:
 
 
 def from_turn_vectors(turns: Tensor) -> Tensor:
-    """Unit quaternions (..., 4) of rotation vectors (..., 3) radians. Differentiable at no turn, too."""
+    """Unit quaternions (..., 4) of rotation vectors (..., 3) radians. Smooth at 0."""
     import torch
 
     half = torch.linalg.vector_norm(turns, dim=-1, keepdim=True) / 2
@@ -95,14 +95,17 @@ def turns_between(first: Tensor, second: Tensor) -> Tensor:
 
 def conjugate(rotations: Array) -> Array:
     """The inverse rotations of unit quaternions (..., 4)."""
-    return rotations * _constant(CONJUGATE.tolist(), rotations)
+    if isinstance(rotations, np.ndarray):
+        return rotations * CONJUGATE.astype(rotations.dtype)
+    return _module_of(rotations).cat([-rotations[..., :3], rotations[..., 3:]], dim=-1)
 
 
 def multiply(left: Array, right: Array) -> Array:
     """Products of quaternions (..., 4), which broadcast: `right` turns first."""
     if isinstance(left, np.ndarray):
-        return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(right, -1, 0)), 0, -1)
+        return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(np.asarray(right), -1, 0)), 0, -1)
     xp = _module_of(left)
+    left, right = xp.broadcast_tensors(left, right)
     v, w, a, b = left[..., :3], left[..., 3:], right[..., :3], right[..., 3:]
     vector = w * a + b * v + xp.linalg.cross(v, a, dim=-1)
     return xp.cat([vector, w * b - (v * a).sum(-1, keepdim=True)], dim=-1)
@@ -125,8 +128,9 @@ def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def rotate(rotations: Array, vectors: Array) -> Array:
     """Vectors (..., 3) turned by unit quaternions (..., 4), which broadcast: v + 2 w (q x v) + 2 q x (q x v)."""
     if not isinstance(rotations, np.ndarray):
-        cross = _module_of(rotations).linalg.cross
-        axis = rotations[..., :3]
+        xp = _module_of(rotations)
+        cross = xp.linalg.cross
+        axis, vectors = xp.broadcast_tensors(rotations[..., :3], vectors)
         across = 2 * cross(axis, vectors, dim=-1)
         return vectors + rotations[..., 3:] * across + cross(axis, across, dim=-1)
     x, y, z, w = (rotations[..., i] for i in range(4))
