@@ -15,7 +15,7 @@ from stages.shared.toml import read_toml
 
 ROOT = Path(__file__).resolve().parent.parent
 HOUSE = ("data_schemas", "stages", "pumps_cli", "pumps")  # a package imports only what stands before it
-BANNED = {"data_schemas": {"torch", "roma", "typer", "rich", "click"}, "stages": {"typer", "rich", "click"}}
+BANNED = {"data_schemas": {"torch", "typer", "rich", "click"}, "stages": {"typer", "rich", "click", "roma"}}
 
 
 def imported_names(path: Path) -> set[str]:
@@ -71,12 +71,13 @@ def test_every_stage_is_where_its_words_say_and_under_the_contracts():
 
 
 def loaded_by(code: str) -> set[str]:
-    """Top-level modules that a fresh interpreter has loaded after running `code`."""
+    """Names of the modules loaded by `code` in a new interpreter: top-level ones, and all of torch."""
     shown = subprocess.run(
         [sys.executable, "-c", f"{code}\nimport sys; print('\\nLOADED', *sys.modules)"],
         capture_output=True, text=True, cwd=ROOT, check=True,
     ).stdout  # fmt: skip
-    return {name.split(".")[0] for name in shown.rpartition("LOADED")[2].split()}
+    names = shown.rpartition("LOADED")[2].split()
+    return {name.split(".")[0] for name in names} | {name for name in names if name.startswith("torch.")}
 
 
 def test_help_loads_no_heavy_library():
@@ -95,6 +96,33 @@ def test_help_of_every_command_loads_no_torch():
         "    except SystemExit as leaving: assert not leaving.code, words"
     )
     assert not loaded_by(code) & {"torch", "h5py", "pyarrow", "scipy"}
+
+
+def test_commands_load_no_more_of_torch_than_they_need(tmp_path: Path):
+    """Reading, showing and exporting need no network; filling compiles nothing: `torch._dynamo` costs a second."""
+    clip = str(ROOT / "stages" / "shared" / "clips" / "kick.bvh")
+    ran = (
+        "from pumps_cli.app import main\n"
+        "for words in {words!r}:\n"
+        "    try: main(words)\n"
+        "    except SystemExit as leaving: assert not leaving.code, words"
+    )
+    without = [
+        ["inspect", clip],
+        ["export", clip, "-o", str(tmp_path / "kick.glb")],
+        ["ingest", "auto", clip, "-o", str(tmp_path / "ingest")],
+        ["data", "pick", "--motion", str(tmp_path / "ingest"), "--splits", "test", "-o", str(tmp_path / "picked")],
+        ["artefact", "show", str(tmp_path / "ingest")],
+        ["weights", "list"],
+        ["config", "write", "--run", str(tmp_path / "run"), "--source", clip],
+    ]
+    assert "torch" not in loaded_by(ran.format(words=without))
+    filling = [
+        ["infill", clip, "--keyframes", "every:15", "-o", str(tmp_path / "filled.bvh")],
+        ["retarget", clip, "--to", clip, "-o", str(tmp_path / "retargeted.bvh")],
+    ]
+    loaded = loaded_by(ran.format(words=filling))
+    assert "torch" in loaded and not {"torch._dynamo", "torch._inductor", "roma"} & loaded
 
 
 @pytest.mark.parametrize("given, sleeps", [({}, True), ({"OMP_WAIT_POLICY": "active"}, False)])

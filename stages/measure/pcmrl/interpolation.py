@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -18,6 +17,7 @@ from data_schemas.tpc import BoneSet, TpcReader
 from stages.measure.pcmrl.config import Config
 from stages.measure.pcmrl.named import category_of, named
 from stages.shared.inference.pose_filling import Interpolator
+from stages.shared.kinematics.rotations import conjugate, rotate
 from stages.shared.progress import Progress
 from stages.shared.statistics.baselines import Filled, Poses, damped, lerp, slerp
 from stages.shared.statistics.measurements import POWER_WEIGHTED, Measurements, Truth, measure
@@ -42,7 +42,7 @@ class _Batch:
         """For plain interpolation, which works on local rotations and offsets."""
         above = torch.as_tensor(self.bones.parents[1:], dtype=torch.long)
         steps = self.heads[:, :, 1:] - self.heads[:, :, above]
-        offsets = roma.quat_action(roma.quat_conjugation(self.rotations[:, :, above]), steps)
+        offsets = rotate(conjugate(self.rotations[:, :, above]), steps)
         offsets = torch.cat([torch.zeros_like(offsets[:, :, :1]), offsets], dim=2)
         return Poses.from_joints(self.rotations, self.heads[:, :, 0], offsets, self.bones.parents)
 

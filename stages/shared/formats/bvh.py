@@ -15,6 +15,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.bvh_header import BvhJoint, HeaderFault, parse_header
+from stages.shared.formats.number_rows import plain_rows
 from stages.shared.formats.table_columns import decimal_commas_hint
 
 __all__ = ["BvhFile", "BvhJoint", "read_bvh"]
@@ -193,7 +194,8 @@ def _parse_rows(
     held = [(place.first_line + at, line) for at, line in enumerate(lines) if line and not line.isspace()]
     rows = [line for _, line in held]
     starts = [at for at, _ in held]
-    values, bad = _fill_values(rows, columns)
+    plain = plain_rows(rows, columns)
+    values, bad = (plain, []) if plain is not None else _fill_values(rows, columns)
     if bad and not keep_unreadable:
         unwrapped = _unwrap_rows(rows, starts, columns, declared)
         if unwrapped is None:

@@ -8,11 +8,10 @@ an offset that starts with that slope and dies away, and with it the kink; the k
 from __future__ import annotations
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
-from stages.shared.kinematics.rotations import turns_between
+from stages.shared.kinematics.rotations import from_turn_vectors, multiply, turns_between
 from stages.shared.solve.skeleton_pose import SkeletonPose
 
 VELOCITY_S = 1 / 30  # over which the velocity on a key's known side is taken, against the noise of single frames
@@ -45,7 +44,7 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
             lone = not known[key - side]
             bump = side * span * share * (1 - share) ** 2 * (0.5 if lone else 1.0)
             offset[frames] += bump.view(-1, *[1] * (steps.dim() - 1)) * lacking
-    local = roma.quat_product(pose.local, roma.rotvec_to_unitquat(added[0]))
+    local = multiply(pose.local, from_turn_vectors(added[0]))
     offsets = pose.offsets + added[2] if pose.moves else pose.offsets
     gaps = np.flatnonzero(~known)
     return pose.with_rows(gaps, pose.with_local(local, pose.roots + added[1], offsets).rows(gaps))

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -32,6 +31,7 @@ from stages.shared.inference.token_times import choose_tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import has_feet
 from stages.shared.kinematics.plain_interpolation import damped_smoothness, interpolate_values
+from stages.shared.kinematics.rotations import matrices
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
@@ -205,7 +205,7 @@ def solve_clouds(start: Start, clouds: Clouds, options: SolveOptions) -> Correct
     def differences(rows: Tensor | slice) -> tuple[Tensor, Tensor, Tensor]:
         """Bound points, the bones' frames that carry them, and the difference seen from these frames."""
         heads, rotations = scene.base.rows(rows).world()
-        frames = roma.unitquat_to_rotmat(rotations)[:, binding.joints]
+        frames = matrices(rotations)[:, binding.joints]
         bound = heads[:, binding.joints] + (frames @ binding.in_bone.unsqueeze(-1)).squeeze(-1)
         away = clouds.points[rows] - (bound if clouds.reference is None else clouds.reference[rows])
         return bound, frames, (frames.transpose(-1, -2) @ away.unsqueeze(-1)).squeeze(-1)

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import roma
 import torch
 from scipy.ndimage import maximum_filter1d
 from torch import Tensor
@@ -30,6 +29,7 @@ from stages.shared.kinematics.foot_contacts import (
     floor_levels,
     limb_joints,
 )
+from stages.shared.kinematics.rotations import conjugate, multiply
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
 from stages.shared.solve.skeleton_pose import SkeletonPose
@@ -287,5 +287,5 @@ def _with_feet_kept(pose: SkeletonPose, rotations: Tensor, tops: list[int]) -> T
     out = pose.local.clone()
     for joint in tops:
         above = pose.rotations[:, int(pose.skeleton.parents[joint])]
-        out[:, joint] = roma.quat_product(roma.quat_conjugation(above), rotations[:, joint])
+        out[:, joint] = multiply(conjugate(above), rotations[:, joint])
     return out

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import roma
 import torch
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +18,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.bone_matching import LIMBS, bone_lengths, match_limb
 from stages.shared.humanoid.retargeting import Retargeted
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.rotations import rotate
 from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.solve.binding import Binding
 from stages.shared.solve.skeleton_pose import pose_of_motion, replace_rows
@@ -115,5 +115,5 @@ def _along(skeleton: Skeleton, pieces: list[tuple[int, ...]], chosen: np.ndarray
 def _carried(skeleton: Skeleton, motion: Motion, bones: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(T, P, 3) positions of points bound to bones."""
     rotations = torch.as_tensor(motion.rotations[:, bones])
-    moved = roma.quat_action(rotations, torch.as_tensor(points, dtype=torch.float32).expand(len(rotations), -1, 3))
+    moved = rotate(rotations, torch.as_tensor(points, dtype=torch.float32).expand(len(rotations), -1, 3))
     return positions_of(skeleton, motion)[:, bones] + moved.numpy()

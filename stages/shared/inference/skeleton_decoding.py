@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -18,7 +17,7 @@ from data_schemas.trainings import last_sentence
 from stages.shared.inference.bounded_network import MOST_POINTS, MOST_WINDOW, build_bounded, whole_setting
 from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
-from stages.shared.kinematics.rotations import aligned_signs
+from stages.shared.kinematics.rotations import aligned_signs, unit
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.networks.layers.sizes import EncoderSizes, SkeletonSizes
 from stages.shared.networks.pcmrl.skeleton_network import Seen, SkeletonNetwork
@@ -74,7 +73,7 @@ class RigNetwork:
                     pelvis[start:stop] += fade[:, None] * pose.heads[row, :, 0].cpu()
                     turns[start:stop] += fade[:, None, None] * turned
                     weights[start:stop] += fade
-        return pelvis / weights[:, None], roma.quat_normalize(turns)
+        return pelvis / weights[:, None], unit(turns)
 
     def _see(self, points: Tensor, groups: Tensor) -> Seen:
         """Encode every frame once: features (T, W), centroids (T, 3), yaw (T,), on the device."""

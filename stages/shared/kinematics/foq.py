@@ -10,9 +10,10 @@ unit quaternion keeps distances, two motions with the same first frame have the 
 
 from __future__ import annotations
 
-import roma
 import torch
 from torch import Tensor
+
+from stages.shared.kinematics.rotations import conjugate, multiply
 
 
 def first_frame_offsets(rotations: Tensor) -> Tensor:
@@ -23,8 +24,8 @@ def first_frame_offsets(rotations: Tensor) -> Tensor:
 
     Returns: (..., T, J, 4) of the same dtype, sign-continuous; the first frame is the identity (0, 0, 0, 1).
     """
-    first = roma.quat_conjugation(rotations[..., :1, :, :])
-    return roma.quat_product(rotations, first.expand_as(rotations))
+    first = conjugate(rotations[..., :1, :, :])
+    return multiply(rotations, first.expand_as(rotations))
 
 
 def rotations_from_offsets(offsets: Tensor, known: Tensor, frame: int = 0) -> Tensor:
@@ -37,8 +38,8 @@ def rotations_from_offsets(offsets: Tensor, known: Tensor, frame: int = 0) -> Te
 
     Returns: (..., T, J, 4) global unit quaternions.
     """
-    at_known = roma.quat_conjugation(offsets[..., frame, :, :])
-    first = roma.quat_product(at_known, known)
+    at_known = conjugate(offsets[..., frame, :, :])
+    first = multiply(at_known, known)
     # Normalised again, so that rounding does not accumulate over a long chain of products.
-    product = roma.quat_product(offsets, first.unsqueeze(-3).expand_as(offsets))
+    product = multiply(offsets, first.unsqueeze(-3).expand_as(offsets))
     return torch.nn.functional.normalize(product, dim=-1)

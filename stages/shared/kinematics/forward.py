@@ -7,18 +7,18 @@ Plain functions on torch tensors with any leading dimensions; xyzw quaternions; 
 from __future__ import annotations
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.kinematics.rotations import conjugate, multiply, rotate
 
 
 def local_rotations(rotations: Tensor, parents: np.ndarray) -> Tensor:
     """Global rotations (..., J, 4) to rotations in the parent's frame, (..., J, 4). Joint 0 keeps its own."""
     child = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long, device=rotations.device)
-    inverse_parent = roma.quat_conjugation(rotations[..., child, :])
-    local = roma.quat_product(inverse_parent, rotations[..., 1:, :])
+    inverse_parent = conjugate(rotations[..., child, :])
+    local = multiply(inverse_parent, rotations[..., 1:, :])
     return torch.cat([rotations[..., :1, :], local], dim=-2)
 
 
@@ -26,7 +26,7 @@ def global_rotations(local: Tensor, parents: np.ndarray) -> Tensor:
     """Rotations in the parent's frame (..., J, 4) to global ones, (..., J, 4)."""
     out: list[Tensor] = [local[..., 0, :]]
     for joint in range(1, local.shape[-2]):
-        out.append(roma.quat_product(out[int(parents[joint])], local[..., joint, :]))
+        out.append(multiply(out[int(parents[joint])], local[..., joint, :]))
     return torch.stack(out, dim=-2)
 
 
@@ -44,7 +44,7 @@ def joint_positions(rotations: Tensor, root_positions: Tensor, offsets: Tensor, 
     lead = rotations.shape[:-2]
     parent = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long, device=rotations.device)
     offsets = offsets.to(rotations).expand(*lead, -1, 3)[..., 1:, :]
-    steps = roma.quat_action(rotations[..., parent, :], offsets)
+    steps = rotate(rotations[..., parent, :], offsets)
     out: list[Tensor] = [root_positions.to(rotations)]
     for joint in range(1, rotations.shape[-2]):
         out.append(out[int(parents[joint])] + steps[..., joint - 1, :])

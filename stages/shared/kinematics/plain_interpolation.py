@@ -11,13 +11,20 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from data_schemas.errors import UsageError
 from stages.shared.kinematics.device import onto
-from stages.shared.kinematics.rotations import continuous_signs, shorter_way, turns_between
+from stages.shared.kinematics.rotations import (
+    conjugate,
+    continuous_signs,
+    from_turn_vectors,
+    multiply,
+    shorter_way,
+    turn_vectors,
+    turns_between,
+)
 
 
 class Damping(NamedTuple):
@@ -198,7 +205,7 @@ def _moved_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
 
 
 def _turned_on(edge: Tensor, inner: Tensor, steps: Tensor) -> Tensor:
-    return roma.quat_product(edge, roma.rotvec_to_unitquat(steps[..., None, None] * turns_between(inner, edge)))
+    return multiply(edge, from_turn_vectors(steps[..., None, None] * turns_between(inner, edge)))
 
 
 def interpolate_values(values: Tensor, key_times: Tensor, times: Tensor, *, smooth: float | Tensor = 0.0) -> Tensor:
@@ -250,25 +257,21 @@ def _rotation_curve(
     keys: Tensor, lengths: Tensor, segments: Segments, smooth: float | Tensor, whole_turns: Tensor | None
 ) -> Tensor:
     first, share = segments.first, segments.share.view(-1, *[1] * (keys.dim() - 2), 1)
-    turns = roma.quat_product(roma.quat_conjugation(keys[:-1]), keys[1:])
+    turns = multiply(conjugate(keys[:-1]), keys[1:])
     # The shorter way round; the sign continuity of the keys has chosen it already except for float rounding.
     turns = shorter_way(turns)
-    steps = roma.unitquat_to_rotvec(turns)
+    steps = turn_vectors(turns)
     if not isinstance(smooth, Tensor) and smooth == 0.0:
-        curve = roma.quat_product(keys[first], roma.rotvec_to_unitquat(share * steps[first]))
+        curve = multiply(keys[first], from_turn_vectors(share * steps[first]))
     else:
         h = lengths.view(-1, *[1] * (keys.dim() - 1))
         start, end = _tangents(steps / h, lengths, smooth)
         outward, inward = _towards_slerp(start * h / 3, end * h / 3, steps, whole_turns)
-        middle = roma.unitquat_to_rotvec(
-            roma.quat_product(
-                roma.quat_product(roma.rotvec_to_unitquat(-outward), turns), roma.rotvec_to_unitquat(-inward)
-            )
-        )
+        middle = turn_vectors(multiply(multiply(from_turn_vectors(-outward), turns), from_turn_vectors(-inward)))
         curve = keys[first]
         rests = (1 - (1 - share) ** 3, share**2 * (3 - 2 * share), share**3)  # cumulative Bernstein polynomials
         for rest, part in zip(rests, (outward, middle, inward), strict=True):
-            curve = roma.quat_product(curve, roma.rotvec_to_unitquat(rest * part[first]))
+            curve = multiply(curve, from_turn_vectors(rest * part[first]))
     at_key = torch.where(share == 0, keys[first], curve)  # keys come back exactly, free of rounding
     return torch.where(share == 1, keys[first + 1], at_key)
 

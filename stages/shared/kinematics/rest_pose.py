@@ -10,11 +10,10 @@ from there.
 from __future__ import annotations
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
-from stages.shared.kinematics.rotations import smallest_turn
+from stages.shared.kinematics.rotations import conjugate, multiply, rotate, smallest_turn
 
 _AT_TAIL_M = 1e-3  # a child's head this near to its parent's tail is attached to it
 
@@ -32,7 +31,7 @@ def carried_offsets(offsets: Tensor, tails: Tensor, new_tails: Tensor, parents: 
     parent = torch.as_tensor(np.asarray(parents)[1:], dtype=torch.long, device=offsets.device)
     heads, old, new = offsets[..., 1:, :], tails[..., parent, :], new_tails[..., parent, :]
     at_tail = ((heads - old).norm(dim=-1, keepdim=True) < _AT_TAIL_M).expand_as(heads)
-    turned = roma.quat_action(smallest_turn(old, new), heads)
+    turned = rotate(smallest_turn(old, new), heads)
     return torch.cat([offsets[..., :1, :], torch.where(at_tail, new, turned)], dim=-2)
 
 
@@ -70,7 +69,7 @@ def realign(
     Returns: heads (..., T, J, 3) and global rotations (..., T, J, 4).
     """
     old_tails, tips, steps = (each.unsqueeze(-3) for each in (tails, new_tails, new_offsets))
-    targets = heads + roma.quat_action(rotations, old_tails.expand_as(heads))
+    targets = heads + rotate(rotations, old_tails.expand_as(heads))
     out_heads: list[Tensor] = []
     out_rotations: list[Tensor] = []
     for joint in range(len(parents)):
@@ -78,9 +77,9 @@ def realign(
         if joint:
             above = int(parents[joint])
             step = steps[..., joint, :].expand_as(head)
-            head = out_heads[above] + roma.quat_action(out_rotations[above], step)
-        aim = roma.quat_action(roma.quat_conjugation(turn), targets[..., joint, :] - head)
+            head = out_heads[above] + rotate(out_rotations[above], step)
+        aim = rotate(conjugate(turn), targets[..., joint, :] - head)
         mend = smallest_turn(tips[..., joint, :].expand_as(aim), aim)
         out_heads.append(head)
-        out_rotations.append(roma.quat_product(turn, mend))
+        out_rotations.append(multiply(turn, mend))
     return torch.stack(out_heads, dim=-2), torch.stack(out_rotations, dim=-2)

@@ -3,7 +3,8 @@
 A quaternion q and its negative -q are the same rotation. Functions that choose between the two only negate values, so
 a NumPy array and a torch tensor of the same numbers give the same bytes.
 
-Only the functions that need torch and RoMa import them, so that the file readers, which use this module, start fast.
+Only the functions that need torch import it, so that the file readers, which use this module, start fast. Tests
+compare this module with RoMa and SciPy. RoMa itself is not used: importing it loads torch._dynamo, which takes a second.
 """
 
 from __future__ import annotations
@@ -67,10 +68,21 @@ def shorter_way(rotations: Array) -> Array:
 
 
 def turn_vectors(rotations: Tensor) -> Tensor:
-    """Rotation vectors (..., 3) radians, the shorter way, of rotations (..., 4)."""
-    import roma
+    """Rotation vectors (..., 3) radians, the shorter way, of unit quaternions (..., 4). Smooth at 0."""
+    import torch
 
-    return roma.unitquat_to_rotvec(shorter_way(rotations))
+    rotations = shorter_way(rotations)
+    vector, real = rotations[..., :3], rotations[..., 3:]
+    half = torch.atan2(torch.linalg.vector_norm(vector, dim=-1, keepdim=True), real)
+    return 2 * vector / torch.sinc(half / np.pi)
+
+
+def from_turn_vectors(turns: Tensor) -> Tensor:
+    """Unit quaternions (..., 4) of rotation vectors (..., 3) radians. Smooth at 0."""
+    import torch
+
+    half = torch.linalg.vector_norm(turns, dim=-1, keepdim=True) / 2
+    return torch.cat([turns * (torch.sinc(half / np.pi) / 2), half.cos()], dim=-1)
 
 
 def turns_between(first: Tensor, second: Tensor) -> Tensor:
@@ -78,14 +90,25 @@ def turns_between(first: Tensor, second: Tensor) -> Tensor:
 
     They are about the axes of `first`: second = first x exp(turn).
     """
-    import roma
-
-    return turn_vectors(roma.quat_product(roma.quat_conjugation(first), second))
+    return turn_vectors(multiply(conjugate(first), second))
 
 
-def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Products of quaternions (..., 4)."""
-    return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(right, -1, 0)), 0, -1)
+def conjugate(rotations: Array) -> Array:
+    """The inverse rotations of unit quaternions (..., 4)."""
+    if isinstance(rotations, np.ndarray):
+        return rotations * CONJUGATE.astype(rotations.dtype)
+    return _module_of(rotations).cat([-rotations[..., :3], rotations[..., 3:]], dim=-1)
+
+
+def multiply(left: Array, right: Array) -> Array:
+    """Products of quaternions (..., 4), which broadcast: `right` turns first."""
+    if isinstance(left, np.ndarray):
+        return np.moveaxis(multiply_parts(np.moveaxis(left, -1, 0), np.moveaxis(np.asarray(right), -1, 0)), 0, -1)
+    xp = _module_of(left)
+    left, right = xp.broadcast_tensors(left, right)
+    v, w, a, b = left[..., :3], left[..., 3:], right[..., :3], right[..., 3:]
+    vector = w * a + b * v + xp.linalg.cross(v, a, dim=-1)
+    return xp.cat([vector, w * b - (v * a).sum(-1)[..., None]], dim=-1)
 
 
 def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -102,8 +125,14 @@ def multiply_parts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     )
 
 
-def rotate(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+def rotate(rotations: Array, vectors: Array) -> Array:
+    """Vectors (..., 3) turned by unit quaternions (..., 4), which broadcast: v + 2 w (q x v) + 2 q x (q x v)."""
+    if not isinstance(rotations, np.ndarray):
+        xp = _module_of(rotations)
+        cross = xp.linalg.cross
+        axis, vectors = xp.broadcast_tensors(rotations[..., :3], vectors)
+        across = 2 * cross(axis, vectors, dim=-1)
+        return vectors + rotations[..., 3:] * across + cross(axis, across, dim=-1)
     x, y, z, w = (rotations[..., i] for i in range(4))
     a, b, c = (vectors[..., i] for i in range(3))
     # v + 2 w (q x v) + 2 q x (q x v), written out, since np.cross alone takes longer than this on small arrays.
@@ -112,6 +141,50 @@ def rotate(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
         [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
         axis=-1,
     )
+
+
+def unit(rotations: Tensor) -> Tensor:
+    """Quaternions (..., 4) scaled to length 1; one of length 0 becomes NaN."""
+    import torch
+
+    return rotations / torch.linalg.vector_norm(rotations, dim=-1, keepdim=True)
+
+
+def matrices(rotations: Tensor) -> Tensor:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    import torch
+
+    x, y, z, w = rotations.unbind(-1)
+    xx, yy, zz, ww = (part * part for part in (x, y, z, w))
+    xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
+    rows = [
+        *(xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)),
+        *(2 * (xy + zw), ww - xx + yy - zz, 2 * (yz - xw)),
+        *(2 * (xz - yw), 2 * (yz + xw), ww - xx - yy + zz),
+    ]
+    return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+
+
+def from_matrices(turns: Tensor) -> Tensor:
+    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3), of either sign.
+
+    The four rows of 4 q q^T follow from the matrix; the row of the largest component of q is the exact one (F. L.
+    Markley, Unit quaternion from rotation matrix, 2008, eq. 7 to 9).
+    """
+    import torch
+
+    (a, b, c), (d, e, f), (g, h, i) = (row.unbind(-1) for row in turns.unbind(-2))
+    outer = torch.stack(
+        [
+            *(1 + a - e - i, d + b, g + c, h - f),
+            *(d + b, 1 - a + e - i, h + f, c - g),
+            *(g + c, h + f, 1 - a - e + i, d - b),
+            *(h - f, c - g, d - b, 1 + a + e + i),
+        ],
+        dim=-1,
+    ).unflatten(-1, (4, 4))
+    largest = outer.diagonal(dim1=-2, dim2=-1).argmax(-1)
+    return unit(outer.gather(-2, largest[..., None, None].expand(*largest.shape, 1, 4)).squeeze(-2))
 
 
 def slerp(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import roma
 import torch
 from torch import Tensor
 
@@ -15,6 +14,7 @@ from stages.shared.kinematics.plain_interpolation import (
     glide_on,
     interpolate_pose,
 )
+from stages.shared.kinematics.rotations import conjugate, multiply, rotate
 
 _APART = 100_000.0  # frames between windows on the joined timeline: no tangent crosses this distance
 
@@ -77,18 +77,18 @@ def interpolate_windows(
         turn = out_rotations[rows, :, index[:, bone]]
         place = out_heads[rows, :, index[:, bone]]
         hangs = has_parent[:, bone].unsqueeze(1)
-        out_rotations[:, :, bone] = torch.where(hangs, roma.quat_product(turn, local[:, :, bone]), local[:, :, bone])
-        moved = place + roma.quat_action(turn, offsets[:, :, bone])
+        out_rotations[:, :, bone] = torch.where(hangs, multiply(turn, local[:, :, bone]), local[:, :, bone])
+        moved = place + rotate(turn, offsets[:, :, bone])
         out_heads[:, :, bone] = torch.where(hangs, moved, offsets[:, :, bone])
     return out_heads, out_rotations
 
 
 def _in_parents(heads: Tensor, rotations: Tensor, index: Tensor, has_parent: Tensor) -> tuple[Tensor, Tensor]:
     """Rotations (N, J, 4) and positions (N, J, 3) in the parents' frames, of frames N with parents `index` (N, J)."""
-    above = roma.quat_conjugation(torch.gather(rotations, 1, index.unsqueeze(-1).expand(-1, -1, 4)))
-    local = torch.where(has_parent, roma.quat_product(above, rotations), rotations)
+    above = conjugate(torch.gather(rotations, 1, index.unsqueeze(-1).expand(-1, -1, 4)))
+    local = torch.where(has_parent, multiply(above, rotations), rotations)
     apart = heads - torch.gather(heads, 1, index.unsqueeze(-1).expand(-1, -1, 3))
-    return local, torch.where(has_parent, roma.quat_action(above, apart), heads)
+    return local, torch.where(has_parent, rotate(above, apart), heads)
 
 
 def _beyond_keys(known: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:

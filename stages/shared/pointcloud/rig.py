@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -19,7 +18,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.skeleton_text import plain_of_skeleton, skeleton_of_plain
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, positions_of
-from stages.shared.kinematics.rotations import continuous_signs
+from stages.shared.kinematics.rotations import conjugate, continuous_signs, multiply, rotate, unit
 from stages.shared.pointcloud.bones import bone_set
 from stages.shared.pointcloud.heading import headings_of, yaw_quaternions
 
@@ -45,7 +44,7 @@ class Rig:
     def body(self) -> RigBody:
         """The bones of the body alone."""
         bones, joints = bone_set(self.skeleton, 0, 0)
-        rest = roma.quat_normalize(torch.as_tensor(self.rest_local, dtype=torch.float32))
+        rest = unit(torch.as_tensor(self.rest_local, dtype=torch.float32))
         world = global_rotations(rest, self.skeleton.parents)
         offsets = torch.as_tensor(self.skeleton.offsets[joints], dtype=torch.float32)
         offsets[0] = 0
@@ -76,8 +75,8 @@ class Rig:
             elif parent < 0:
                 out.append(rest[joint].expand(len(rotations), 4))
             else:
-                out.append(roma.quat_product(out[int(parent)], rest[joint].expand(len(rotations), 4)))
-        world = continuous_signs(roma.quat_normalize(torch.stack(out, dim=1)))
+                out.append(multiply(out[int(parent)], rest[joint].expand(len(rotations), 4)))
+        world = continuous_signs(unit(torch.stack(out, dim=1)))
         roots = torch.as_tensor(self.rest_root, dtype=torch.float32).expand(len(rotations), 3)
         offsets = torch.as_tensor(skeleton.offsets, dtype=torch.float32)
         heads = joint_positions(world, roots, offsets, skeleton.parents)
@@ -86,7 +85,7 @@ class Rig:
         if not self.pelvis_moves or skeleton.root == 0:
             return motion
         above = int(skeleton.parents[skeleton.root])
-        track = roma.quat_action(roma.quat_conjugation(world[:, above]), pelvis - heads[:, above])
+        track = rotate(conjugate(world[:, above]), pelvis - heads[:, above])
         joint = np.array([skeleton.root], np.int32)
         return replace(motion, root_positions=roots.numpy().copy(), track_joints=joint, tracks=track[:, None].numpy())
 
@@ -149,11 +148,11 @@ def rig_of_motion(skeleton: Skeleton, motion: Motion, rest_frame: int | None = N
     groups = torch.as_tensor(np.asarray(skeleton.groups))[body].long().expand(len(frames), -1)
     yaw = headings_of(heads[:, None, body], groups)[:, 0]
     if root == 0:
-        local[:, 0] = roma.quat_product(yaw_quaternions(yaw), local[:, 0])
+        local[:, 0] = multiply(yaw_quaternions(yaw), local[:, 0])
     else:
         above = torch.as_tensor(some.rotations)[:, int(skeleton.parents[root])]
-        facing = roma.quat_product(yaw_quaternions(yaw), roma.quat_product(above, local[:, root]))
-        local[:, root] = roma.quat_product(roma.quat_conjugation(above), facing)
+        facing = multiply(yaw_quaternions(yaw), multiply(above, local[:, root]))
+        local[:, root] = multiply(conjugate(above), facing)
     rig = Rig(
         skeleton,
         mean_rotations(local).numpy(),

@@ -9,9 +9,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
+
+from stages.shared.kinematics.rotations import matrices
 
 
 def draw_points(
@@ -95,7 +96,7 @@ def place_points(heads: Tensor, rotations: Tensor, bones: Tensor, in_bone: Tenso
     Returns: (..., T, P, 3) metres.
     """
     # Turning a bone's frame into a matrix once costs J products; turning P quaternions costs P of them.
-    frames = torch.cat([roma.unitquat_to_rotmat(rotations), heads.unsqueeze(-1)], dim=-1)  # (..., T, J, 3, 4)
+    frames = torch.cat([matrices(rotations), heads.unsqueeze(-1)], dim=-1)  # (..., T, J, 3, 4)
     index = bones.long()[..., None, :, None, None].expand(*heads.shape[:-2], bones.shape[-1], 3, 4)
     chosen = torch.gather(frames, -3, index)  # (..., T, P, 3, 4)
     return (chosen[..., :3] @ in_bone[..., None, :, :, None]).squeeze(-1) + chosen[..., 3]

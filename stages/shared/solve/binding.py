@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import roma
 import torch
 from torch import Tensor
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
+from stages.shared.kinematics.rotations import matrices
 
 MOST_FRAMES = 48  # more reference frames add no information
 
@@ -75,7 +75,7 @@ def bind_points(
         candidates = torch.nonzero(sampled & (bone_groups == group)).squeeze(-1)
         if len(members) == 0 or len(candidates) == 0:
             continue  # a weight of zero: points of a group without a bone in the skeleton are ignored
-        frames = roma.unitquat_to_rotmat(rotations[:, candidates])  # (K, C, 3, 3)
+        frames = matrices(rotations[:, candidates])  # (K, C, 3, 3)
         away = points[:, members, None] - heads[:, None, candidates]  # (K, M, C, 3)
         place = torch.einsum("kcij,kmci->kmcj", frames, away)
         mean = place.mean(0)
@@ -99,5 +99,5 @@ def _distance_to_segment(points: Tensor, tails: Tensor) -> Tensor:
 
 def carry_points(binding: Binding, heads: Tensor, rotations: Tensor) -> Tensor:
     """Bound points (T, P, 3) on any pose: heads (T, J, 3), global rotations (T, J, 4)."""
-    frames = roma.unitquat_to_rotmat(rotations)[:, binding.joints]
+    frames = matrices(rotations)[:, binding.joints]
     return heads[:, binding.joints] + (frames @ binding.in_bone.unsqueeze(-1)).squeeze(-1)

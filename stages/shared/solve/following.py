@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -23,7 +22,7 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.forward import global_rotations, local_rotations
 from stages.shared.kinematics.plain_interpolation import damped_smoothness, interpolate_values
-from stages.shared.kinematics.rotations import turns_between
+from stages.shared.kinematics.rotations import from_turn_vectors, multiply, turns_between
 from stages.shared.solve.binding import Binding, bind_points
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.scaling import fit_cloud
@@ -156,7 +155,7 @@ def _finished(
     skeleton, seen = base.skeleton, found.seen
     parents = skeleton.parents
     heads, plain = base.world()
-    solved = global_rotations(roma.quat_product(base.local, roma.rotvec_to_unitquat(found.turns)), parents)
+    solved = global_rotations(multiply(base.local, from_turn_vectors(found.turns)), parents)
     shifts = found.shifts
     if smooth and len(solved) >= LEAST_FRAMES_TO_SMOOTH:
         solved[:, seen] = _smooth_rotations(solved[:, seen])
@@ -167,7 +166,7 @@ def _finished(
     left[:, seen] = turns_between(plain[keys], solved[keys])[:, seen]
     turns = interpolate_values(left, times[keys], times, smooth=1.0)
     shifts = shifts - interpolate_values(shifts[keys], times[keys], times, smooth=1.0)
-    local = local_rotations(roma.quat_product(solved, roma.rotvec_to_unitquat(-turns)), parents)
+    local = local_rotations(multiply(solved, from_turn_vectors(-turns)), parents)
     own = turns_between(base.local, local)
     return own * seen.unsqueeze(-1), shifts
 
@@ -176,7 +175,7 @@ def _smooth_rotations(rotations: Tensor) -> Tensor:
     """Rotations (T, S, 4) smoothed along the path of their steps, in their own axes."""
     steps = turns_between(rotations[:-1], rotations[1:])
     path = torch.cat([torch.zeros_like(steps[:1]), steps.cumsum(0)])
-    return roma.quat_product(rotations, roma.rotvec_to_unitquat(_smooth(path) - path))
+    return multiply(rotations, from_turn_vectors(_smooth(path) - path))
 
 
 def _smooth(curves: Tensor) -> Tensor:

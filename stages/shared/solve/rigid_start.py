@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import roma
 import torch
 from torch import Tensor
 
@@ -48,5 +47,8 @@ def rigid_start(targets: Tensor, chain: Chain, base: Base) -> Pose:
 
 
 def _nearest_rotation(matrix: Tensor) -> Tensor:
-    """The rotation (..., 3, 3) nearest to a matrix: of all, the one with the largest inner product."""
-    return torch.as_tensor(roma.special_procrustes(matrix))
+    """The rotation (..., 3, 3) nearest to a matrix: of all, the one with the largest inner product (Umeyama 1991)."""
+    left, sizes, right = torch.linalg.svd(matrix)
+    signs = torch.ones_like(sizes)
+    signs[..., -1] = torch.linalg.det(left @ right).sign()  # the least of three axes turns back a reflection
+    return (left * signs.unsqueeze(-2)) @ right

@@ -13,13 +13,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
 from stages.shared.kinematics.plain_interpolation import interpolate_values
+from stages.shared.kinematics.rotations import matrices, rotate
 from stages.shared.solve.binding import MOST_FRAMES, bind_points
 
 SPREAD_TRUST = 0.03  # relative error of the scale from the spread alone
@@ -65,7 +65,7 @@ def fit_cloud(
     some = torch.arange(len(points), device=points.device)
     if len(points) > MOST_FRAMES:
         some = torch.linspace(0, len(points) - 1, MOST_FRAMES, device=points.device).round().long()
-    turned = roma.unitquat_to_rotmat(rotations)
+    turned = matrices(rotations)
     around, centred = points - middle.unsqueeze(1), heads - expected.middle.unsqueeze(1)
     size, shifts = first, torch.zeros_like(middle)
     for _ in range(REFITS):
@@ -115,7 +115,7 @@ def _expected(groups: Tensor, skeleton: Skeleton, heads: Tensor, rotations: Tens
         chance[members] = (of_group == g).sum() / own.sum() * lengths[members] / lengths[members].sum()
     chances = torch.as_tensor(chance, dtype=heads.dtype, device=heads.device)
     tails = torch.as_tensor(skeleton.tails, dtype=heads.dtype, device=heads.device)
-    middles = heads + roma.quat_action(rotations, tails.expand_as(heads)) / 2
+    middles = heads + rotate(rotations, tails.expand_as(heads)) / 2
     centre = (chances[:, None] * middles).sum(1)
     across = (chances * (middles - centre.unsqueeze(1)).square().sum(-1)).sum(-1).mean()
     around = float((chance * (lengths**2 / 12 + 3 * SIGMA_M**2)).sum())

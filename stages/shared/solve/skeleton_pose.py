@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -21,7 +20,7 @@ from stages.shared.kinematics.plain_interpolation import (
     interpolate_pose,
     pelvis_and_above,
 )
-from stages.shared.kinematics.rotations import signs_after_given
+from stages.shared.kinematics.rotations import conjugate, from_turn_vectors, multiply, rotate, signs_after_given
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,13 +135,13 @@ class SkeletonPose:
                 above which nothing moves.
         """
         skeleton, root = self.skeleton, self.skeleton.root
-        local = roma.quat_product(self.local, roma.rotvec_to_unitquat(turns))
+        local = multiply(self.local, from_turn_vectors(turns))
         if root == 0 or root not in self.track_joints.tolist():
             return self.with_local(local, self.roots + shifts, self.offsets)
         lead = root + 1  # the pelvis' ancestors are among these
         above = global_rotations(local[:, :lead], skeleton.parents[:lead])[:, int(skeleton.parents[root])]
         offsets = self.offsets.expand(len(local), -1, 3).clone()
-        offsets[:, root] += roma.quat_action(roma.quat_conjugation(above), shifts)
+        offsets[:, root] += rotate(conjugate(above), shifts)
         return self.with_local(local, self.roots, offsets)
 
     def with_rows(self, rows: np.ndarray, others: SkeletonPose) -> SkeletonPose:

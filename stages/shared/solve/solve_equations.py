@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from stages.shared.kinematics.forward import global_rotations, joint_positions
+from stages.shared.kinematics.rotations import from_matrices, from_turn_vectors, matrices, turn_vectors
 from stages.shared.solve.binding import Binding
 
 REFERENCE_POINTS = 256  # the weight of a cloud is that of this many points, whatever its number of points
@@ -147,7 +147,7 @@ def base_of(chain: Chain, local: Tensor, roots: Tensor, offsets: Tensor, parents
     chain_local = local[:, chain.joints].clone()
     chain_local[:, 0] = rotations[:, root]
     chain_offsets = offsets.expand(frames, -1, 3)[:, chain.joints]
-    return Base(roma.unitquat_to_rotmat(chain_local), heads[:, root], chain_offsets)
+    return Base(matrices(chain_local), heads[:, root], chain_offsets)
 
 
 def forward(pose: Pose, chain: Chain, base: Base) -> tuple[Tensor, Tensor]:
@@ -163,7 +163,7 @@ def forward(pose: Pose, chain: Chain, base: Base) -> tuple[Tensor, Tensor]:
 
 def move(pose: Pose, step: Tensor, chain: Chain) -> Pose:
     """Apply a step (T, 3 + 3A): the shift in world axes, the turns in the joints' own axes."""
-    turns = roma.rotvec_to_rotmat(step[:, 3:].reshape(len(step), -1, 3))
+    turns = matrices(from_turn_vectors(step[:, 3:].reshape(len(step), -1, 3)))
     return Pose(pose.local @ turns, pose.root + step[:, :3])
 
 
@@ -219,7 +219,7 @@ def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: So
     torque = (rotations.transpose(-1, -2) @ torque.unsqueeze(-1)).squeeze(-1)
     pull = torch.cat([force[:, 0], torque.flatten(1)], dim=-1)
 
-    turned = roma.rotmat_to_rotvec(base.local.transpose(-1, -2) @ pose.local)
+    turned = turn_vectors(from_matrices(base.local.transpose(-1, -2) @ pose.local))
     shifted = pose.root - base.root
     held = (chain.prior @ turned.unsqueeze(-1)).squeeze(-1)
     back = torch.cat([shifted * options.shift_prior_m**-2, held.flatten(1)], dim=-1)

@@ -15,10 +15,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
+from stages.shared.kinematics.rotations import from_matrices, turn_vectors
 from stages.shared.solve.binding import Binding
 from stages.shared.solve.rigid_start import rigid_start
 from stages.shared.solve.solve_equations import (
@@ -94,7 +94,7 @@ def solve_pose(
         part_offsets = offsets[part] if offsets.dim() == 3 else offsets
         base = base_of(chain, local[part], roots[part], part_offsets, parents, root)
         pose, residual[part] = _solve_frames(targets[part], chain, base, options)
-        turned = roma.rotmat_to_rotvec(base.local.transpose(-1, -2) @ pose.local)
+        turned = turn_vectors(from_matrices(base.local.transpose(-1, -2) @ pose.local))
         turns[part, chain.joints] = turned
         shifts[part] = pose.root - base.root
     seen = torch.zeros(joints, dtype=torch.bool, device=local.device)

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
@@ -31,7 +30,7 @@ from stages.shared.kinematics.plain_interpolation import (
     interpolate_pose,
     pelvis_and_above,
 )
-from stages.shared.kinematics.rotations import continuous_signs, turns_between
+from stages.shared.kinematics.rotations import continuous_signs, from_turn_vectors, multiply, turns_between
 
 
 @dataclass(frozen=True)
@@ -113,8 +112,8 @@ def constant_velocity(poses: Poses, known: np.ndarray) -> Filled:
     anchor = torch.as_tensor(np.where(known, np.arange(len(known)), last))
     local = poses.local()
     turn = turns_between(local[:, last - 1], local[:, last])
-    advanced = roma.rotvec_to_unitquat(turn[:, None] * steps[None, :, None, None])
-    rotations = global_rotations(roma.quat_product(local[:, anchor], advanced), poses.parents)
+    advanced = from_turn_vectors(turn[:, None] * steps[None, :, None, None])
+    rotations = global_rotations(multiply(local[:, anchor], advanced), poses.parents)
     roots = poses.roots[:, anchor] + (poses.roots[:, last] - poses.roots[:, last - 1])[:, None] * steps[:, None]
     drift = (poses.offsets[:, last] - poses.offsets[:, last - 1])[:, None]
     offsets = poses.offsets[:, anchor] + drift * steps[:, None, None]

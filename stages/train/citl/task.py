@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from data_schemas.errors import InputError
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.rest_pose import moved_rest_pose, realign
-from stages.shared.kinematics.rotations import aligned_signs
+from stages.shared.kinematics.rotations import aligned_signs, conjugate, rotate
 from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
@@ -69,7 +68,7 @@ class PoseDrawer:
         parents = self.parents
         above = torch.as_tensor(parents[1:], dtype=torch.long)
         heads, rotations = windows.heads[:, 0], windows.rotations[:, 0]
-        steps = roma.quat_action(roma.quat_conjugation(rotations[:, above]), heads[:, 1:] - heads[:, above])
+        steps = rotate(conjugate(rotations[:, above]), heads[:, 1:] - heads[:, above])
         offsets = torch.cat([torch.zeros_like(steps[:, :1]), steps], dim=1)
         chosen = torch.tensor([own.uniform() < 0.5 for own in rng.rows])
         moves = np.stack([own.standard_normal((2, len(parents), 3)) for own in rng.rows], axis=1)

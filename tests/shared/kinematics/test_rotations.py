@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import roma
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from data_schemas import packed_transforms
@@ -109,3 +112,51 @@ def test_forward_kinematics_in_numpy_and_in_torch_agree() -> None:
     heads = forward_numpy.joint_positions(world, roots, offsets, parents)
     tensors = forward.joint_positions(expected, torch.from_numpy(roots), torch.from_numpy(offsets), parents)
     assert np.allclose(heads, tensors.numpy(), atol=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.sampled_from([0.0, 1e-12, 1e-7, 1e-4, 1e-2, 1.0, 3.0, np.pi - 1e-6]),
+    dtype=st.sampled_from([torch.float32, torch.float64]),
+)
+def test_tensors_turn_as_roma_turns_them(seed: int, size: float, dtype: torch.dtype) -> None:
+    """Products, turned vectors, vectors of turns and matrices: an independent library, from no turn to a half one."""
+    drawn = np.random.default_rng(seed)
+    a, b = (torch.from_numpy(some_quaternions(7, seed=drawn.integers(2**31))).to(dtype) for _ in range(2))
+    places = torch.from_numpy(drawn.normal(size=(7, 3))).to(dtype)
+    directions = drawn.normal(size=(7, 3))
+    turns = torch.from_numpy(size * directions / np.linalg.norm(directions, axis=-1, keepdims=True)).to(dtype)
+    near = {"rtol": 0.0, "atol": 2e-6 if dtype == torch.float32 else 1e-13}
+    step = rotations.from_turn_vectors(turns)
+    close = torch.testing.assert_close
+    close(rotations.multiply(a, b), roma.quat_product(a, b), **near)
+    close(rotations.conjugate(a), roma.quat_conjugation(a), **near)
+    close(rotations.rotate(a, places), roma.quat_action(a, places), **near)
+    close(rotations.matrices(a), roma.unitquat_to_rotmat(a), **near)
+    close(step, roma.rotvec_to_unitquat(turns), **near)
+    close(rotations.matrices(step), roma.rotvec_to_rotmat(turns), **near)
+    close(rotations.turn_vectors(a), roma.unitquat_to_rotvec(a), rtol=0.0, atol=3 * near["atol"])
+    if size < 3.1:  # at a half turn both signs of the axis are right
+        close(rotations.turn_vectors(step), turns, rtol=0.0, atol=10 * near["atol"])
+    back = rotations.from_matrices(rotations.matrices(a))
+    close(rotations.aligned_signs(back, a), a, rtol=0.0, atol=3 * near["atol"])
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 0.3, 2.0])
+def test_gradients_of_turns_are_right_down_to_no_turn(size: float) -> None:
+    vectors = torch.tensor([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]], dtype=torch.float64) * size
+    vectors.requires_grad_()
+    assert torch.autograd.gradcheck(rotations.from_turn_vectors, vectors)
+    assert torch.autograd.gradcheck(lambda v: rotations.turn_vectors(rotations.from_turn_vectors(v)), vectors)
+    step = rotations.from_turn_vectors(vectors).detach().requires_grad_()
+    assert torch.autograd.gradcheck(rotations.matrices, step)
+    assert torch.autograd.gradcheck(rotations.multiply, (step, step.detach().flip(0).requires_grad_()))
+
+
+def test_tensors_of_different_ranks_broadcast() -> None:
+    many = torch.from_numpy(some_quaternions(5, 6, seed=9))
+    one = torch.from_numpy(some_quaternions(6, seed=10))
+    assert torch.equal(rotations.multiply(many, one), rotations.multiply(many, one.expand(5, 6, 4)))
+    assert torch.equal(rotations.multiply(one, many), rotations.multiply(one.expand(5, 6, 4), many))
+    assert torch.equal(rotations.rotate(one, many[..., :3]), rotations.rotate(one.expand(5, 6, 4), many[..., :3]))

@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor, nn
 
 from stages.shared.kinematics.foq import first_frame_offsets, rotations_from_offsets
 from stages.shared.kinematics.forward import joint_positions
+from stages.shared.kinematics.rotations import conjugate, from_turn_vectors, matrices, multiply, rotate
 from stages.shared.networks.layers.relative_attention import RelativeLayer
 from stages.shared.networks.layers.sizes import InterpolatorSizes
 from stages.shared.networks.pumps.synthesiser import key_distance, neighbouring_keys, place_in_gap
@@ -94,7 +94,7 @@ class PoseInterpolator(nn.Module):
         groups = torch.tensor(self.groups, device=heads.device).expand(len(heads), -1)
         yaw = headings_of(heads, groups, valid)
         offsets = first_frame_offsets(rotations)
-        directions = roma.quat_action(rotations, truth.tails.unsqueeze(1).expand(*rotations.shape[:-1], 3))
+        directions = rotate(rotations, truth.tails.unsqueeze(1).expand(*rotations.shape[:-1], 3))
         features = torch.cat([self._way(heads[:, :, 0], yaw, known), _seen(offsets, directions, yaw)], dim=-1)
         residual = self._fill(features, known, times, valid)
 
@@ -103,7 +103,7 @@ class PoseInterpolator(nn.Module):
         residual = residual.float() * torch.where(known.unsqueeze(-1), 0, far**1.5)
         roots = heads[:, :, 0] + turned(_FAR_M * residual[..., :3], -yaw)
         turns = turned(_FAR_RAD * residual[..., 3:].unflatten(-1, (-1, 3)), -yaw.unsqueeze(-1))
-        offsets = roma.quat_product(roma.rotvec_to_unitquat(turns), offsets)
+        offsets = multiply(from_turn_vectors(turns), offsets)
         made = rotations_from_offsets(offsets, rotations[:, 0])
         made_heads = self._heads(roots, made, heads, rotations)
         return torch.where(gate, truth.heads, made_heads), torch.where(gate, truth.rotations, made)
@@ -136,8 +136,8 @@ class PoseInterpolator(nn.Module):
     def _heads(self, roots: Tensor, made: Tensor, heads: Tensor, rotations: Tensor) -> Tensor:
         """Forward kinematics of roots (B, T, 3) and global rotations, on the bone offsets of the base."""
         above = self.parents[1:]
-        inverse = roma.quat_conjugation(rotations[:, :, above])
-        steps = roma.quat_action(inverse, heads[:, :, 1:] - heads[:, :, above])
+        inverse = conjugate(rotations[:, :, above])
+        steps = rotate(inverse, heads[:, :, 1:] - heads[:, :, above])
         offsets = nn.functional.pad(steps, (0, 0, 1, 0))
         return joint_positions(made, roots, offsets, np.array(self.parents))
 
@@ -146,6 +146,6 @@ def _seen(offsets: Tensor, directions: Tensor, yaw: Tensor) -> Tensor:
     """FOQ as two columns of their matrices, and bones' directions, in each frame's own heading: (B, T, 9 J)."""
     around = yaw.unsqueeze(-1)
     turns = turned(offsets[..., :3], around)  # in another heading only a rotation's axis is turned
-    columns = roma.unitquat_to_rotmat(torch.cat([turns, offsets[..., 3:]], dim=-1))[..., :2]
+    columns = matrices(torch.cat([turns, offsets[..., 3:]], dim=-1))[..., :2]
     directions = nn.functional.normalize(turned(directions, around), dim=-1)
     return torch.cat([columns.flatten(2), directions.flatten(2)], dim=-1)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from stages.shared.kinematics.conventions import GROUPS
+from stages.shared.kinematics.rotations import conjugate, multiply
 from stages.shared.pointcloud.rig import RigBody
 
 
@@ -31,9 +31,9 @@ def roll_loss(rotations: Tensor, body: RigBody, valid: Tensor | None = None) -> 
     if not bones:
         return rotations.new_zeros(())
     parents = [int(body.parents[bone]) for bone in bones]
-    local = roma.quat_product(roma.quat_conjugation(rotations[..., parents, :]), rotations[..., bones, :])
-    rest = roma.quat_conjugation(body.rest_local[bones].to(local)).expand_as(local)
-    away = roma.quat_product(rest, local)
+    local = multiply(conjugate(rotations[..., parents, :]), rotations[..., bones, :])
+    rest = conjugate(body.rest_local[bones].to(local)).expand_as(local)
+    away = multiply(rest, local)
     axis = body.tails[bones].to(local)
     axis = axis / axis.norm(dim=-1, keepdim=True)
     about = (away[..., :3] * axis).sum(-1)

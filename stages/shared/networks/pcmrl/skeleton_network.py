@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import roma
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from stages.shared.kinematics.conventions import GROUPS
+from stages.shared.kinematics.rotations import multiply
 from stages.shared.networks.layers.attention import TimeLayer
 from stages.shared.networks.layers.row_generator import draw_normal, draw_uniform
 from stages.shared.networks.layers.sizes import EncoderSizes, SkeletonSizes
@@ -104,7 +104,7 @@ class SkeletonNetwork(nn.Module):
         pelvis = turned(centroids.float() + said[..., :3], -yaw)
         raw = said[..., 3:].unflatten(-1, (-1, 4))
         turns = raw / raw.norm(dim=-1, keepdim=True).clamp_min(1e-6)
-        turns = roma.quat_product(yaw_quaternions(-yaw).unsqueeze(2).expand(*turns.shape), turns)
+        turns = multiply(yaw_quaternions(-yaw).unsqueeze(2).expand(*turns.shape), turns)
         return self._pose(pelvis, turns, raw)
 
     def _pose(self, pelvis: Tensor, turns: Tensor, raw: Tensor) -> RigPose:
@@ -118,7 +118,7 @@ class SkeletonNetwork(nn.Module):
             elif parent < 0:
                 out.append(rest[bone].expand(*turns.shape[:-2], 4))
             else:
-                out.append(roma.quat_product(out[parent], rest[bone].expand(*turns.shape[:-2], 4)))
+                out.append(multiply(out[parent], rest[bone].expand(*turns.shape[:-2], 4)))
         rotations = torch.stack(out, dim=-2)
         return RigPose(pose_heads(body, pelvis, rotations), rotations, raw)
 
