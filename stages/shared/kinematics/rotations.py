@@ -4,7 +4,7 @@ A quaternion q and its negative -q are the same rotation. Functions that choose 
 a NumPy array and a torch tensor of the same numbers give the same bytes.
 
 Only the functions that need torch import it, so that the file readers, which use this module, start fast. Tests
-compare this module with RoMa and SciPy. RoMa itself is not used: importing it loads torch._dynamo, which takes a second.
+compare this module with RoMa and SciPy. RoMa itself is not used: its import loads torch._dynamo and takes a second.
 """
 
 from __future__ import annotations
