@@ -55,7 +55,7 @@ def test_another_rig_moves_latents_no_more_than_another_draw(motions: Path, tmp_
     redrawn = found["points redrawn", "move_any"]
     for rig in ("twist-joints", "fingers", "other-axes", "extra-spine", "all-of-these"):
         assert found[f"rig: {rig}, spread", "move_any"] < 0.6 * redrawn, rig
-    assert found["points spread evenly, again", "move_any"] < 0.6 * redrawn
+    assert found["points spread evenly, anew", "move_any"] < 0.6 * redrawn
     assert redrawn < found["turned by 180 degrees, same draw", "move_any"]
 
 

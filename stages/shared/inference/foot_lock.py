@@ -40,10 +40,8 @@ SMOOTH_S, LOOSE = 0.06, 0.005
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
 LOW_SHARE = 0.06  # of the leg: a filled foot is low up to this height above its floor level
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
-NOISE_M, OPEN_RAD = (
-    0.004,
-    0.5,
-)  # how nearly a foot's place is met; a turn of a leg's joint where the keys tell nothing
+NOISE_M = 0.004  # how closely a foot meets its place
+OPEN_RAD = 0.5  # how far a leg's joint may turn about an axis about which the keys do not turn it
 # A leg may turn and accelerate so much, whatever the filled motion does: degrees a second, metres a second squared.
 CALM_DEG_PER_S, CALM_MPS2 = 300.0, 25.0
 MORE = 1.25  # both limits, times this, are not too much
@@ -55,10 +53,12 @@ LET_GO, ROUNDS, NEAR_S = 0.6, 8, 0.2  # what is left of a stand's shift in each 
 class _Leg:
     """A leg over all T frames, and what it does by itself.
 
+    ankle:  its first contact joint, index into the skeleton.
     joints: (n,) from the hip to the joint above the ankle, index into the skeleton.
     prior:  (n, 3, 3) of their turns.
     """
 
+    ankle: int
     joints: list[int]
     limb: Limb
     prior: np.ndarray
@@ -70,18 +70,20 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     Args:
         pose: T frames, filled, `fps` a second. known: (T,) bool; known frames come back value for value.
 
+    A leg without a joint above its first contact joint cannot be moved, and stays as it is.
+
     Raises: InputError where the skeleton has no two legs.
     """
     feet = find_feet(pose.skeleton)
     places = pose.heads.numpy()
     contacts = standing_feet(places, feet, fps, known)
     gaps = np.flatnonzero(~known)
-    wanted = _wanted_shifts(places, contacts, feet, known)
+    legs = _legs_of(pose, feet, known)
+    wanted = [_wanted_shift(places, contacts, feet, group, known) for group in legs]
     if len(gaps) == 0 or not any(leg.held.any() or leg.heights.min() < leg.floors.min() for leg in wanted):
         return pose
-    legs = _legs_of(pose, feet, known)
-    turns = _eased(legs, wanted, known, fps)
-    return pose.with_rows(gaps, _with_legs_turned(pose.by_local(), legs, turns, feet).rows(gaps))
+    turns = _eased(list(legs.values()), wanted, known, fps)
+    return pose.with_rows(gaps, _with_legs_turned(pose.by_local(), list(legs.values()), turns).rows(gaps))
 
 
 def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
@@ -142,19 +144,15 @@ class _Wanted:
         return path
 
 
-def _wanted_shifts(places: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray) -> list[_Wanted]:
-    """What is wanted of each leg's foot, in the order of `LEGS`."""
-    found = []
+def _wanted_shift(places: np.ndarray, contacts: np.ndarray, feet: Feet, group: int, known: np.ndarray) -> _Wanted:
+    """What is wanted of the foot of the leg of this body group."""
     heights = places[:, feet.joints, 1]
-    lowest = [heights[known][:, feet.is_end == end].min() for end in feet.is_end]
-    for group in dict.fromkeys(feet.groups):
-        members = np.flatnonzero(feet.groups == group)
-        wanted = np.stack([_held(places[:, feet.joints[m]], contacts[:, m], known) for m in members], axis=1)
-        held = contacts[:, members]
-        count = held.sum(1, keepdims=True)
-        own = (wanted * held[..., None]).sum(1) / np.maximum(count, 1)
-        found.append(_Wanted(own, np.asarray(held.any(1)), heights[:, members], np.array(lowest)[members]))
-    return found
+    lowest = np.array([heights[known][:, feet.is_end == end].min() for end in feet.is_end])
+    members = np.flatnonzero(feet.groups == group)
+    wanted = np.stack([_held(places[:, feet.joints[m]], contacts[:, m], known) for m in members], axis=1)
+    held = contacts[:, members]
+    own = (wanted * held[..., None]).sum(1) / np.maximum(held.sum(1, keepdims=True), 1)
+    return _Wanted(own, np.asarray(held.any(1)), heights[:, members], lowest[members])
 
 
 def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -188,18 +186,22 @@ def _runs(flags: np.ndarray) -> list[np.ndarray]:
     return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
 
 
-def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> list[_Leg]:
+def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> dict[int, _Leg]:
+    """The legs that have a joint to turn, by body group."""
     skeleton = pose.skeleton
     prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().numpy()
     local, rotations, heads = (part.double().numpy() for part in (pose.local, pose.rotations, pose.heads))
     offsets = pose.offsets.expand(len(pose), -1, 3).double().numpy()
-    legs = []
-    for chain, (_, _, ankle) in zip(feet.chains, limb_joints(skeleton, feet), strict=True):
+    legs = {}
+    groups = dict.fromkeys(int(group) for group in feet.groups)
+    for group, chain, (_, _, ankle) in zip(groups, feet.chains, limb_joints(skeleton, feet), strict=True):
         below = list(chain[: chain.index(ankle) + 1])
         joints = below[:-1]
+        if not joints:
+            continue
         above = rotations[:, int(skeleton.parents[joints[0]])]
         limb = Limb(local[:, joints], above, heads[:, joints[0]], offsets[:, below[1:]])
-        legs.append(_Leg(joints, limb, prior[joints]))
+        legs[group] = _Leg(int(ankle), joints, limb, prior[joints])
     return legs
 
 
@@ -272,14 +274,14 @@ def _limits(loose: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
     return limits * MORE
 
 
-def _with_legs_turned(pose: SkeletonPose, legs: list[_Leg], turns: list[np.ndarray], feet: Feet) -> SkeletonPose:
+def _with_legs_turned(pose: SkeletonPose, legs: list[_Leg], turns: list[np.ndarray]) -> SkeletonPose:
     """The pose with the legs' joints turned and the feet's directions in the world kept."""
     added = torch.zeros(len(pose), len(pose.skeleton.parents), 3)
     for leg, turn in zip(legs, turns, strict=True):
         added[:, leg.joints] = torch.as_tensor(turn, dtype=torch.float32)
     moved = pose.corrected(added, torch.zeros(len(pose), 3))
-    tops = limb_joints(pose.skeleton, feet)[:, 2].tolist()
-    return moved.with_local(_with_feet_kept(moved, pose.rotations, tops), moved.roots, moved.offsets)
+    kept = _with_feet_kept(moved, pose.rotations, [leg.ankle for leg in legs])
+    return moved.with_local(kept, moved.roots, moved.offsets)
 
 
 def _with_feet_kept(pose: SkeletonPose, rotations: Tensor, tops: list[int]) -> Tensor:

@@ -142,7 +142,7 @@ def test_damaged_and_missing_sources(tmp_path: Path, monkeypatch: pytest.MonkeyP
         with pytest.raises(InputError):
             find_sources([str(tmp_path / missing)])
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="not a recordings"):
+    with pytest.raises(InputError, match="no recordings"):
         find_sources([str(tmp_path / "empty")])
     (tmp_path / "big.bvh").write_bytes(b"12345")
     source = find_sources([str(tmp_path / "big.bvh")])[0]
