@@ -19,6 +19,7 @@ from stages.shared.humanoid.joint_names import sense_of
 LEAF_LENGTH_M = 0.1
 SHORTEST_BONE_M = 1e-3
 PLAUSIBLE_STATURE_M = (0.7, 2.6)
+_FEASIBLE_STATURE = (1e-6, 1e9)  # in any unit; beyond it float32 loses the body
 _POSSIBLE_STATURE_M = (0.2, 20.0)  # of a body in the unit of its format's standard
 # Metres in a unit, the most common first; 0.0564 is CMU's (inches divided by 0.45).
 _DECIMAL_UNITS = (0.01, 1.0, 0.001, 0.1)
@@ -106,10 +107,14 @@ def find_unit(stature: float, usual: float | None = None) -> tuple[float, Note |
         stature: of the body, in the file's unit.
         usual: metres in the unit of the format's standard. It is used for dolls and giants too, with a note, but not
             for what can only be a file in another unit.
-    Raises: InputError if all bones have zero length.
+    Raises: InputError if all bones have zero length, or lengths that no unit brings to a body's size.
     """
     if not stature > 0:
         raise InputError("The skeleton's bones have no length.", "Is its OFFSET data missing?")
+    if not _FEASIBLE_STATURE[0] <= stature <= _FEASIBLE_STATURE[1]:
+        raise InputError(
+            f"The skeleton is {stature:.3g} units tall, which is not a body in any unit.", "Check its OFFSET data."
+        )
     low, high = PLAUSIBLE_STATURE_M
     if usual is not None and _POSSIBLE_STATURE_M[0] <= stature * usual <= _POSSIBLE_STATURE_M[1]:
         if low <= stature * usual <= high:

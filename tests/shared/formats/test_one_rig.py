@@ -8,6 +8,7 @@ import struct
 import numpy as np
 import pytest
 
+from data_schemas.errors import InputError
 from data_schemas.motion import skeleton_id
 from data_schemas.notes import Flag
 from stages.shared.formats.bvh_motion import read_bvh_motion
@@ -102,3 +103,9 @@ def test_still_nodes_at_the_ends_of_chains_are_joints_too() -> None:
 
     (recording,) = read(edited(GltfText(), bare))
     assert set(recording.skeleton.names) == set(NAMES)
+
+
+@pytest.mark.parametrize("stature", [1e-9, 1e30, float("inf")])
+def test_a_size_that_no_unit_explains_is_refused(stature: float) -> None:
+    with pytest.raises(InputError, match="not a body in any unit"):
+        find_unit(stature)
