@@ -12,9 +12,7 @@ import numpy as np
 from stages.shared.formats.euler import LOCKED, nearest_locked, other_triple, parity_of
 
 JUMP_DEGREES = 180.0  # a step of a channel beyond this is a jump, however the rotation moves
-LOCK_STEP_DEGREES = (
-    30.0  # of the middle angle, where the curve takes the other triple: it passes by gimbal lock there
-)
+LOCK_STEP_DEGREES = 30.0  # of the middle angle, where the curve passes by gimbal lock and takes the other triple
 _TURNS = 3  # whole turns by which a channel may be written apart from its curve in one triple
 
 

@@ -77,12 +77,12 @@ def turn_vectors(rotations: Tensor) -> Tensor:
     return 2 * vector / torch.sinc(half / np.pi)
 
 
-def from_turn_vectors(turns: Tensor) -> Tensor:
+def from_turn_vectors(turns: Array) -> Array:
     """Unit quaternions (..., 4) of rotation vectors (..., 3) radians. Smooth at 0."""
-    import torch
-
-    half = torch.linalg.vector_norm(turns, dim=-1, keepdim=True) / 2
-    return torch.cat([turns * (torch.sinc(half / np.pi) / 2), half.cos()], dim=-1)
+    xp = _module_of(turns)
+    # torch's vector_norm has a slope of 0 at 0, where that of `_norm` is NaN.
+    half = (_norm(turns) if xp is np else xp.linalg.vector_norm(turns, dim=-1, keepdim=True)) / 2
+    return xp.concatenate([turns * (xp.sinc(half / np.pi) / 2), xp.cos(half)], axis=-1)
 
 
 def turns_between(first: Tensor, second: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from stages.shared.kinematics.rotations import multiply, rotate
+from stages.shared.kinematics.rotations import from_turn_vectors, multiply, rotate
 
 PINNED = 1e9  # precision of turns that must stay zero
 REACH, SOFT = 0.995, 0.02  # shares of a limb's length: as far as it is stretched, and where drawing in begins before
@@ -41,7 +41,7 @@ class Limb:
 
     def turned(self, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Global rotations (T, n, 4), joints' places (T, n, 3) and the end's (T, 3), with turns (T, n, 3) added."""
-        local = multiply(self.local, _quaternions(turns))
+        local = multiply(self.local, from_turn_vectors(turns))
         rotations, places = np.empty_like(local), np.empty((*local.shape[:2], 3))
         above, place = self.above, self.top
         for joint in range(local.shape[1]):
@@ -117,12 +117,6 @@ def solve_limb(
             break
     turns[pinned] = 0.0
     return turns
-
-
-def _quaternions(turns: np.ndarray) -> np.ndarray:
-    """(..., 4) of rotation vectors (..., 3)."""
-    angles = np.linalg.norm(turns, axis=-1, keepdims=True)
-    return np.concatenate([0.5 * np.sinc(angles / (2 * np.pi)) * turns, np.cos(angles / 2)], axis=-1)
 
 
 def _second_differences(frames: int) -> np.ndarray:
