@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from data_schemas.artefact import write_artefact
+from data_schemas.metrics import MetricRow, write_metrics
 from pumps_cli.terminal import visible
 from tests.shared.formats.bvh_texts import BvhText
 
@@ -52,7 +53,7 @@ def test_a_joints_name_does_not_steer_the_terminal(tmp_path: Path) -> None:
 
 def test_an_artefacts_texts_do_not_steer_the_terminal(tmp_path: Path) -> None:
     with write_artefact(tmp_path / "m", "metrics", stage="evaluate", config={"a": STEERING}) as draft:
-        (draft.folder / "metrics.parquet").write_bytes(b"x")
+        write_metrics(draft.folder, [MetricRow("c", "s", "set-1", "slerp", "interpolation", 15, "l2p_m", 0.5)], "#")
         draft.summary["b"] = f"{STEERING}\nfalse line"
     for words in ("show", "lineage", "verify"):
         done = pumps(f"artefact {words} {tmp_path / 'm'}")
@@ -111,6 +112,7 @@ def test_a_closed_stderr_loses_only_what_goes_there(tmp_path: Path) -> None:
 def test_an_interrupt_while_the_program_loads_says_nothing(tmp_path: Path, module: str) -> None:
     (tmp_path / "sitecustomize.py").write_text(
         "import os, signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background jobs have it ignored
         "class Interrupting:\n"
         "    def find_spec(self, name, *others):\n"
         f"        if name == {module!r}: os.kill(os.getpid(), signal.SIGINT)\n"
