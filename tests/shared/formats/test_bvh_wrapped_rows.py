@@ -75,7 +75,7 @@ def test_decimal_commas_are_named_with_the_mend(where):
         text = text.replace("0.0333333", "0,0333333")
     with pytest.raises(InputError) as raised:
         read_bvh(text.encode(), "commas")
-    assert "decimal points" in (raised.value.hint or "")
+    assert "use points" in (raised.value.hint or "")
 
 
 WHOLE_LINE = TEXT[: TEXT.index("0.0333333")].count("\n") + 2
