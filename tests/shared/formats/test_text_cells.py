@@ -43,8 +43,8 @@ def test_names_of_a_table_come_back_and_its_numbers_stay() -> None:
     assert data.split(b"\n", 1)[1] == plain.split(b"\n", 1)[1]
     for cell in next(csv.reader(io.StringIO(data.decode()))):
         assert cell[0] not in "=+-@\t\r＝－"
-    found, places, _ = read_csv(data, "walk.csv")
-    assert found == names and np.array_equal(places, read_csv(plain, "walk.csv")[1])
+    found = read_csv(data, "walk.csv")
+    assert found.names == names and np.array_equal(found.places, read_csv(plain, "walk.csv").places)
 
 
 def test_a_recordings_formulas_do_not_reach_the_table(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_a_recordings_formulas_do_not_reach_the_table(tmp_path: Path) -> None:
     cells = next(csv.reader([header]))
     assert "'=cmd|'/C_calc'!A.x" in cells and "'@SUM(1+1)*cmd.z" in cells
     assert not any(cell.startswith(("=", "+", "-", "@")) for cell in cells)
-    assert "=cmd|'/C_calc'!A" in read_csv((tmp_path / "evil.csv").read_bytes(), "evil.csv")[0]
+    assert "=cmd|'/C_calc'!A" in read_csv((tmp_path / "evil.csv").read_bytes(), "evil.csv").names
 
 
 @pytest.mark.parametrize("line", ['"' * 300_000, '"' + "a" * 300_000, '"a' * 200_000, "a\rb,c", "\0,b", ""])

@@ -136,8 +136,8 @@ def torch_file() -> bytes:
 @pytest.mark.parametrize(
     ("data", "name", "says"),
     [
-        (b"\x80\x04\x95\x10\x00", "a.pkl", "Python pickle"),
-        (b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.", "a.pth", "Python pickle"),
+        (b"\x80\x04\x95\x10\x00", "a.pkl", "pickle of Python"),
+        (b"\x80\x02\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.", "a.pth", "PyTorch file"),
         (torch_file(), "a.pt", "PyTorch"),
     ],
 )
