@@ -70,7 +70,7 @@ def test_an_artefact_that_exists_needs_overwrite_and_its_own_kind(tmp_path: Path
     place = tmp_path / "made"
     check_artefact(Settings(output=place), "metrics")
     with write_artefact(place, "metrics", stage="evaluate", config={}) as draft:
-        (draft.folder / "metrics.parquet").write_bytes(b"x")
+        (draft.folder / "summary.md").write_bytes(b"x")
     with pytest.raises(UsageError, match="made exists"):
         check_artefact(Settings(output=place), "metrics")
     check_artefact(Settings(output=place, overwrite=True), "metrics")
@@ -115,8 +115,8 @@ def test_a_hard_link_to_an_input_is_the_same_file(there: Path, tmp_path: Path) -
 def test_a_part_of_an_artefact_that_is_read_is_not_replaced(tmp_path: Path) -> None:
     place = tmp_path / "weights" / "ae"
     with write_artefact(place, "metrics", stage="evaluate", config={}) as draft:
-        (draft.folder / "metrics.parquet").write_bytes(b"x")
-    (part,) = place.glob("data-*/metrics.parquet")
+        (draft.folder / "summary.md").write_bytes(b"x")
+    (part,) = place.glob("data-*/summary.md")
     for given in (place, place.parent):
         for path in (part, place / "manifest.json"):
             with pytest.raises(UsageError, match=r"is a part of .*given as weights, and must not be replaced"):
