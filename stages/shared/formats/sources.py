@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
+from typing import NoReturn
 
 from data_schemas.errors import InputError
 from stages.shared.formats.archives import (
@@ -18,6 +19,7 @@ from stages.shared.formats.archives import (
     members_of,
     read_member,
 )
+from stages.shared.formats.unread_formats import UNREAD
 
 _MAX_NEIGHBOURS = 100_000
 
@@ -93,10 +95,22 @@ def find_sources(
     for text in sources:
         here = _expand(str(text), suffixes, keep_bad)
         if not here:
-            raise InputError(f"{text} holds no recordings ({', '.join(suffixes)}).", "Check the path.")
+            _refuse_without_recordings(str(text), suffixes)
         for source in here:
             found.setdefault(source.name, source)
     return list(found.values())
+
+
+def _refuse_without_recordings(text: str, suffixes: tuple[str, ...]) -> NoReturn:
+    """Raise InputError for a folder, glob or archive without recordings: of a format that is known and not read, if
+    there are files of such a format."""
+    unread = {suffix: each for each in UNREAD for suffix in each.suffixes}
+    for source in _expand(text, tuple(unread), keep_bad=True):
+        found = unread.get(PurePosixPath(source.member).suffix.lower())
+        if found is not None and not source.fault:
+            shown = f"{text} holds no recordings that pumps reads; {source.member} is {found.what}."
+            raise InputError(shown, found.hint)
+    raise InputError(f"{text} holds no recordings ({', '.join(suffixes)}).", "Check the path.")
 
 
 def beside(source: Source, suffix: str) -> list[Source]:

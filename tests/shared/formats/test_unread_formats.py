@@ -14,7 +14,7 @@ import torch
 from data_schemas.errors import InputError
 from stages.shared.formats.readers import format_named, read_recordings, recognise
 from stages.shared.formats.recording import Asked
-from stages.shared.formats.sources import source_named
+from stages.shared.formats.sources import find_sources, source_named
 from stages.shared.formats.unread_formats import UNREAD, unread_format
 from tests.shared.formats.hostile import TARGETS
 
@@ -106,3 +106,19 @@ def test_nothing_is_unpickled(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="does not read it"):
             recognise(data, "walk.pkl")
     assert not bomb.exists()
+
+
+def test_a_folder_or_archive_of_them_alone_is_named_too(tmp_path: Path) -> None:
+    folder = tmp_path / "clips"
+    (folder / "in").mkdir(parents=True)
+    (folder / "notes.txt").write_text("nothing")
+    (folder / "in" / "walk.vmd").write_bytes(b"Vocaloid Motion Data 0002")
+    with zipfile.ZipFile(tmp_path / "clips.zip", "w") as archive:
+        archive.write(folder / "in" / "walk.vmd", "in/walk.vmd")
+    for source in (folder, tmp_path / "clips.zip"):
+        with pytest.raises(InputError, match=r"in/walk\.vmd is MikuMikuDance motion") as raised:
+            find_sources([str(source)])
+        assert "MMD Tools" in (raised.value.hint or "")
+    (folder / "in" / "walk.vmd").unlink()
+    with pytest.raises(InputError, match="holds no recordings"):
+        find_sources([str(folder)])
