@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -25,6 +26,7 @@ from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
 from stages.shared.weights.shipped import parts_of, weights_folder
 
+WINDOWS_AT_ONCE = 16  # decoded or filled in one call
 _FRAMES_AT_ONCE = 512  # clouds encoded in one call: enough to be fast, few enough to stay in memory
 
 
@@ -67,21 +69,22 @@ class Autoencoder:
         """
         out = torch.zeros(len(times), len(groups), 3, device=self.device)
         weights = torch.zeros(len(times), 1, 1, device=self.device)
-        groups, noise = groups.to(self.device).unsqueeze(0), noise.to(self.device).unsqueeze(0)
+        groups, noise = groups.to(self.device), noise.to(self.device)
         latents, centroids, times = (part.to(self.device) for part in (latents, centroids, times))
+        spans = [
+            Span(start, stop, start, stop, fade) for start, stop, fade in overlapping_windows(len(times), self.window)
+        ]
         with torch.inference_mode():
-            for start, stop, fade in overlapping_windows(len(times), self.window):
-                part = slice(start, stop)
-                fade = fade.to(self.device)[:, None, None]
+            for some in batches_of(spans):
                 made = self.decoder(
-                    latents[part].unsqueeze(0),
-                    centroids[part].unsqueeze(0),
-                    times[part].float().unsqueeze(0),
-                    groups,
-                    noise,
+                    *(_rows(part, some) for part in (latents, centroids, times.float())),
+                    groups.expand(len(some), -1),
+                    noise.expand(len(some), *noise.shape),
                 )
-                out[part] += fade * made[0]
-                weights[part] += fade
+                for span, points in zip(some, made, strict=True):
+                    fade = span.fade.to(self.device)[:, None, None]
+                    out[span.start : span.stop] += fade * points
+                    weights[span.start : span.stop] += fade
         return out / weights
 
     def draw_noise(self, points: int, seed: int) -> Tensor:
@@ -155,25 +158,52 @@ class Models:
         base = None if base is None else (base[0].to(device), base[1].to(device))
         out = torch.zeros_like(latents), torch.zeros_like(centroids)
         weights = torch.zeros(len(times), 1, device=device)
+        spans = [
+            Span(*_widened(known, start, stop), start, stop, fade)
+            for start, stop, fade in overlapping_windows(len(times), self.window)
+        ]
         with torch.inference_mode():
-            for start, stop, fade in overlapping_windows(len(times), self.window):
-                wide_start, wide_stop = _widened(known, start, stop)
-                part = slice(wide_start, wide_stop)
-                inner = slice(start - wide_start, stop - wide_start)
-                local = None if base is None else (base[0][part].unsqueeze(0), base[1][part].unsqueeze(0))
+            for some in batches_of(spans):
                 made = self.synthesiser(
-                    latents[part].unsqueeze(0),
-                    centroids[part].unsqueeze(0),
-                    known[part].unsqueeze(0),
-                    times[part].float().unsqueeze(0),
+                    *(_rows(part, some) for part in (latents, centroids, known, times.float())),
                     None,
-                    local,
+                    None if base is None else (_rows(base[0], some), _rows(base[1], some)),
                 )
-                fade = fade.to(device).unsqueeze(1)
-                out[0][start:stop] += fade * made[0][0, inner]
-                out[1][start:stop] += fade * made[1][0, inner]
-                weights[start:stop] += fade
+                for number, span in enumerate(some):
+                    inner = slice(span.start - span.first, span.stop - span.first)
+                    fade = span.fade.to(device).unsqueeze(1)
+                    out[0][span.start : span.stop] += fade * made[0][number, inner]
+                    out[1][span.start : span.stop] += fade * made[1][number, inner]
+                    weights[span.start : span.stop] += fade
         return out[0] / weights, out[1] / weights
+
+
+class Span(NamedTuple):
+    """A window of a clip: frames `first` to `last` (excluded) are read, `start` to `stop` are written with weights
+    `fade` (stop - start,)."""
+
+    first: int
+    last: int
+    start: int
+    stop: int
+    fade: Tensor
+
+
+def batches_of(spans: Sequence[Span], most: int = WINDOWS_AT_ONCE) -> Iterator[list[Span]]:
+    """Runs of at most `most` windows that follow each other and read equally many frames."""
+    some: list[Span] = []
+    for span in spans:
+        if some and (len(some) == most or span.last - span.first != some[0].last - some[0].first):
+            yield some
+            some = []
+        some.append(span)
+    if some:
+        yield some
+
+
+def _rows(values: Tensor, spans: Sequence[Span]) -> Tensor:
+    """What each window reads of a clip's values (T, ...): (windows, frames, ...)."""
+    return torch.stack([values[span.first : span.last] for span in spans])
 
 
 def overlapping_windows(frames: int, window: int) -> Iterator[tuple[int, int, Tensor]]:
