@@ -10,7 +10,7 @@
 # make solve-pages    truth, slerp, solve and networks side by side in 3D: runs/solve/solve.html; SOLVE_NETWORKS=NAME=FOLDER
 # make held-out    weights on whole archives that they were not trained on; HELD_OUT_WEIGHTS=small HELD_OUT_WINDOWS=40
 # make unseen-rigs    test clips on rigs that weights were not trained on; RIGS='rigs.zip a.bvh'
-# make weights-report  measures the weights that ship, and writes docs/results.md
+# make weights-report  measures the weights that ship, and writes docs/results.md; HELD_OUT_WINDOWS=10 is faster
 # make pretrain    weights from the archives: RECIPE=small|small-free SLICE=9 (minutes; 0 to the end); the same command goes
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
@@ -116,7 +116,7 @@ held-out: install
 unseen-rigs: install
 	$(call made,unseen-rigs,,--with 'weights=$(HELD_OUT_WEIGHTS)' --with 'windows=$(HELD_OUT_WINDOWS)' --with 'rigs=$(RIGS)')
 weights-report: install-dev
-	$(call made,weights)
+	$(call made,weights,,--with 'windows=$(HELD_OUT_WINDOWS)')
 	$(VENV)/bin/python benchmarks/weights_tables.py '$(RUNS)/$(or $(RUN),weights)' --page docs/results.md
 
 # Where PUMPS is given, nothing is installed. A run whose motions are not there trains all the same, and is not measured.
