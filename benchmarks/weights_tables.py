@@ -60,9 +60,9 @@ COLUMNS = (
     *((PREDICTION, appended) for appended in (15, 30)),
 )
 SUMMARY = (
-    ("own-small-free", "small-free", "archives it was trained on, test clips"),
+    ("own-small-free", "small-free", "test clips of its recipe's archives"),
     ("unseen-small-free", "small-free", "archives it was not trained on"),
-    ("own-small", "small", "archives it was trained on, test clips"),
+    ("own-small", "small", "test clips of its recipe's archives"),
     ("on-rigs/small", "small", "the same clips on rigs it was not trained on"),
 )
 PAPER = (0.81, 0.77, 0.81, 0.67, 0.59, 0.47)  # PUMPS, Table 1: the method's L2P as a share of SLERP's

@@ -61,7 +61,7 @@ def test_what_was_measured_stands_on_the_page(made: ModuleType, tmp_path: Path, 
     text, before = page.read_text("utf-8"), PAGE.read_text("utf-8")
     written = "".join(section[1] for section in SECTION.findall(text))
     assert written.count("| set-1 | small | 0.50") == 4, "shares of slerp's 0.5"
-    assert "| `small` | archives it was trained on, test clips |  | 0.50 |" in written
+    assert "| `small` | test clips of its recipe's archives |  | 0.50 |" in written
     assert "`c0dec0dec0dec0de`" in written and "- `small`: ae `aaaaaaaaaaaaaaaa`, lms `bbbbbbbbbbbbbbbb`" in written
     assert written.count("×0.50") == 5 and written.count("0.988") == 2
     assert SECTION.sub("", text) == SECTION.sub("", before), "nothing else is touched"
