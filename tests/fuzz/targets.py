@@ -23,14 +23,14 @@ from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from stages.shared.formats import archives
 from stages.shared.formats.readers import format_named, recognise
-from stages.shared.formats.recording import Asked, Recording
+from stages.shared.formats.recording import Asked
 from stages.shared.formats.skeleton_map import read_skeleton_map
 from stages.shared.formats.sources import find_sources
 from tests.data_schemas.examples import write_motion
 from tests.shared.formats.amass_files import npz
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
-from tests.shared.formats.hostile import OWN_WORDS, TARGETS, WORDS, a_glb, a_scene, an_archive
+from tests.shared.formats.hostile import OWN_WORDS, TARGETS, WORDS, a_glb, a_scene, an_archive, check_recordings
 from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
 from tests.shared.formats.test_landmarks import _trc
 from tests.shared.formats.test_positions import NAMES, PLACES, _csv, _npy
@@ -48,17 +48,6 @@ class FuzzTarget:
     seeds: Callable[[], list[bytes]]
     words: tuple[bytes, ...] = ()
     covers: tuple[str, ...] = ("stages.shared.formats", "stages.shared.humanoid")
-
-
-def check_recordings(recordings: list[Recording]) -> None:
-    """Raise AssertionError unless every recording is a motion of finite numbers on a skeleton of its joints."""
-    assert recordings
-    for recording in recordings:
-        motion, skeleton = recording.motion, recording.skeleton
-        assert motion.rotations.shape == (motion.frames, skeleton.joints, 4)
-        assert np.allclose(np.linalg.norm(motion.rotations, axis=-1), 1, atol=1e-3)
-        assert np.isfinite(motion.root_positions).all() and np.isfinite(motion.tracks).all() and motion.fps > 0
-        assert np.isfinite(skeleton.offsets).all() and np.isfinite(skeleton.tails).all()
 
 
 def _read(chosen: str, data: bytes, rig: bytes) -> None:

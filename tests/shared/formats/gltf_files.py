@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import struct
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pygltflib as g
@@ -135,3 +139,16 @@ class GltfText:
             gltf.convert_buffers(g.BufferFormat.DATAURI)
             return gltf.gltf_to_json().encode()
         return b"".join(gltf.save_to_bytes())
+
+
+def edited(text: GltfText, change: Callable[[Any], object]) -> bytes:
+    """The GLB with its JSON changed."""
+    data = text.data()
+    length = struct.unpack_from("<I", data, 12)[0]
+    scene = json.loads(data[20 : 20 + length])
+    change(scene)
+    inner = json.dumps(scene).encode()
+    inner += b" " * (-len(inner) % 4)
+    rest = data[20 + length :]
+    head = struct.pack("<IIIII", 0x46546C67, 2, 20 + len(inner) + len(rest), len(inner), 0x4E4F534A)
+    return head + inner + rest

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from stages.shared.formats.recording import Recording
 from stages.shared.formats.robot_table import ROOT_COLUMNS
 from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
@@ -271,3 +272,14 @@ def an_archive(kind: str, rng: np.random.Generator) -> bytes:
                 archive.addfile(info, io.BytesIO(data))
     words = [*WORDS, *b"../|/|\x80|77777777777|PK\x01\x02|PK\x05\x06|g|x|L|S".split(b"|"), b"\x80" + b"\xff" * 11]
     return mutated(stream.getvalue(), rng, words)
+
+
+def check_recordings(recordings: list[Recording]) -> None:
+    """Raise AssertionError unless every recording is a motion of finite numbers on a skeleton of its joints."""
+    assert recordings
+    for recording in recordings:
+        motion, skeleton = recording.motion, recording.skeleton
+        assert motion.rotations.shape == (motion.frames, skeleton.joints, 4)
+        assert np.allclose(np.linalg.norm(motion.rotations, axis=-1), 1, atol=1e-3)
+        assert np.isfinite(motion.root_positions).all() and np.isfinite(motion.tracks).all() and motion.fps > 0
+        assert np.isfinite(skeleton.offsets).all() and np.isfinite(skeleton.tails).all()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import re
-import struct
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from stages.shared.formats.gltf_motion import read_gltf
 from stages.shared.formats.gltf_sampling import Track, sampled
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.kinematics.forward_numpy import positions_of
-from tests.shared.formats.gltf_files import NAMES, GltfText
+from tests.shared.formats.gltf_files import NAMES, GltfText, edited
 
 FORMS = {
     "plain": GltfText(),
@@ -85,22 +83,6 @@ def test_curves_against_scipy() -> None:
     assert np.array_equal(step, values[[0, 0, 1, 3]])
 
 
-def _edited(text: GltfText, change) -> bytes:  # type: ignore[no-untyped-def]
-    data = text.data()
-    length = struct.unpack_from("<I", data, 12)[0]
-    scene = json.loads(data[20 : 20 + length])
-    change(scene)
-    inner = json.dumps(scene).encode()
-    inner += b" " * (-len(inner) % 4)
-    rest = data[20 + length :]
-    return (
-        struct.pack("<III", 0x46546C67, 2, 20 + len(inner) + len(rest))
-        + struct.pack("<II", len(inner), 0x4E4F534A)
-        + inner
-        + rest
-    )
-
-
 def _loop(scene: dict) -> None:
     scene["nodes"][2]["children"] = [1]
 
@@ -131,7 +113,7 @@ def _loop(scene: dict) -> None:
 )
 def test_bad_files_are_refused(change, says: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=re.escape(says)) as caught:
-        _read(_edited(GltfText(), change))
+        _read(edited(GltfText(), change))
     assert "walk.glb" in caught.value.message
 
 

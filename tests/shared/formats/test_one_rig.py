@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
-
 import numpy as np
 import pytest
 
@@ -17,7 +14,7 @@ from stages.shared.formats.gltf_motion import read_gltf
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.humanoid.reference_pose import find_unit
 from stages.shared.kinematics.forward_numpy import positions_of
-from tests.shared.formats.gltf_files import NAMES, GltfText
+from tests.shared.formats.gltf_files import NAMES, GltfText, edited
 
 
 def read(data: bytes) -> list[Recording]:
@@ -27,19 +24,6 @@ def read(data: bytes) -> list[Recording]:
 def heads(recording: Recording) -> np.ndarray:
     order = [recording.skeleton.names.index(name) for name in NAMES]
     return positions_of(recording.skeleton, recording.motion)[:, order]
-
-
-def edited(text: GltfText, change) -> bytes:  # type: ignore[no-untyped-def]
-    """The file with its JSON changed."""
-    data = text.data()
-    length = struct.unpack_from("<I", data, 12)[0]
-    scene = json.loads(data[20 : 20 + length])
-    change(scene)
-    inner = json.dumps(scene).encode()
-    inner += b" " * (-len(inner) % 4)
-    rest = data[20 + length :]
-    head = struct.pack("<IIIII", 0x46546C67, 2, 20 + len(inner) + len(rest), len(inner), 0x4E4F534A)
-    return head + inner + rest
 
 
 @pytest.mark.parametrize("moving", [("Hips",), ("Hips", "Chest", "LeftHand"), ("Hips", "LeftUpLeg", "Neck", "Head")])
