@@ -173,6 +173,6 @@ lint: install-dev
 test: lint
 	OMP_NUM_THREADS=1 $(VENV)/bin/python -m pytest -n 2 $(PYTEST_FLAGS)
 
-# Corpora and finds lie in runs/fuzz. atheris has no wheels for some systems, so that it is installed for this alone.
+# Corpora and failing inputs are written to runs/fuzz. atheris has no wheels for some systems: only this target installs it.
 fuzz: $(VENV)/installed-fuzz
 	OMP_NUM_THREADS=1 $(VENV)/bin/python -m tests.fuzz.run --minutes $(MINUTES) --folder '$(RUNS)/fuzz' $(TARGETS)

@@ -263,30 +263,30 @@ def _data_folder_of(path: Path) -> str | None:
         return None
 
 
+def _unnamed(path: Path, current: str | None) -> list[Path]:
+    """Entries with names of pumps' own folders, except the manifest's data folder; none if that is unknown."""
+    if current is None and os.path.lexists(path / MANIFEST_NAME):
+        return []
+    return [entry for entry in path.iterdir() if _NAMES_OF_OURS.fullmatch(entry.name) and entry.name != current]
+
+
 def _refuse_unmarked(path: Path, current: str | None) -> None:
     """Raise UsageError for a folder that has a name of pumps' own folders and that pumps did not make."""
-    if current is None and os.path.lexists(path / MANIFEST_NAME):  # the manifest's own data folder is unknown
-        return
-    for entry in path.iterdir():
-        if _NAMES_OF_OURS.fullmatch(entry.name) and entry.name != current:
-            refuse_unmarked(entry)
+    for entry in _unnamed(path, current):
+        refuse_unmarked(entry)
 
 
 def _remove_leftovers(path: Path, before: str | None) -> None:
     """Remove drafts, and data folders that the manifest does not name: marked ones, and the one it named before."""
-    current = _data_folder_of(path)
-    if current is None and os.path.lexists(path / MANIFEST_NAME):
-        return
-    for entry in path.iterdir():
-        if _NAMES_OF_OURS.fullmatch(entry.name) and entry.name != current:
-            if entry.name == before and entry.is_dir() and not entry.is_symlink():
-                remove_folder(entry)  # artefacts of older versions have no marker
-            else:
-                remove_own_folder(entry)
+    for entry in _unnamed(path, _data_folder_of(path)):
+        if entry.name == before and entry.is_dir() and not entry.is_symlink():
+            remove_folder(entry)  # artefacts of older versions have no marker
+        else:
+            remove_own_folder(entry)
 
 
 def _hash_and_flush(folder: Path, kind: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Flush every file in `folder` to the disk and return the sha256 of its bytes, and the digest of what it says.
+    """Flush every file in `folder` to the disk and return the sha256 of its bytes and the digest of its content.
 
     Raises: PumpsError for all but plain files.
     """
@@ -302,7 +302,7 @@ def _hash_and_flush(folder: Path, kind: str) -> tuple[dict[str, str], dict[str, 
             )
         if found.is_file() and name != MARKER_NAME:
             files[name] = sha256_of_file(found)
-            says = content_digest(found, kind)
+            says = content_digest(found, kind, files[name])
             if says is not None:
                 content[name] = says
         flush_to_disk(found)

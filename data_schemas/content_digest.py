@@ -1,4 +1,4 @@
-"""Digests of what data files say: arrays, tables and settings, whatever their compressed bytes and clocks are.
+"""Digests of the content of data files: arrays, tables and settings, independent of compression and recorded times.
 
 Two runs with the same inputs, settings and seed make the same arrays, but not always the same bytes: LZF compresses
 with a table that it does not clear, and a training records how long it took. An artefact's digest is made of these:
@@ -26,6 +26,7 @@ import numpy as np
 import pyarrow as pa
 
 from data_schemas.declared_sizes import check_stored_array, read_table
+from data_schemas.manifest import sha256_of_file
 
 _PIECE_BYTES = 8 << 20
 _DEEPEST = 16
@@ -35,8 +36,11 @@ _CLOCK_KEYS = {"config.json": frozenset({("trainings", "minutes"), ("place", "se
 _TEXTS_WITH_CLOCKS = frozenset({"MODEL_CARD.md"})
 
 
-def content_digest(path: Path, kind: str) -> str | None:
-    """Hex sha256 of what a data file of an artefact of `kind` says; None if the file says nothing of its own.
+def content_digest(path: Path, kind: str, sha256: str | None = None) -> str | None:
+    """Hex sha256 of the content of a data file of an artefact of `kind`; None for a file that is left out.
+
+    Args:
+        sha256: of the file's bytes, if it is known already.
 
     Raises: OSError, ValueError, RuntimeError or ArrowException if it cannot be read as its name says.
     """
@@ -50,11 +54,7 @@ def content_digest(path: Path, kind: str) -> str | None:
         return _digest_of_table(path, _CLOCK_COLUMNS.get(name, frozenset()) if clocks else frozenset())
     if clocks and name in _CLOCK_KEYS:
         return _digest_of_settings(path, _CLOCK_KEYS[name])
-    total = hashlib.sha256()
-    with open(path, "rb") as file:
-        while part := file.read(1 << 20):
-            total.update(part)
-    return total.hexdigest()
+    return sha256 or sha256_of_file(path)
 
 
 def _digest_of_settings(path: Path, clocks: frozenset[tuple[str, str]]) -> str:

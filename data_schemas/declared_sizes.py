@@ -1,7 +1,7 @@
 """What a file declares against what is really in it, compared before memory is taken for it.
 
-A few bytes can declare any number of frames, rows or numbers. Compression explains some of it: each limit here is far
-above what the real data of this project reach, and in proportion to the bytes that are there.
+A few bytes can declare any number of frames, rows or numbers. Compressed data declare more bytes than they
+take, so each limit grows with the bytes that are there, and is far above what this project's data reach.
 """
 
 from __future__ import annotations

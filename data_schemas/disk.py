@@ -1,4 +1,4 @@
-"""Writes that last: flushed to the disk, with room asked for first, and one error where the disk refuses."""
+"""Writing to the disk: flushing, checking the free space first, and one error if the disk refuses."""
 
 from __future__ import annotations
 

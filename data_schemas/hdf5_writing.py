@@ -53,9 +53,8 @@ class NewFile(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         view = memoryview(buffer).cast("B")
-        found = os.pread(self._handle, max(0, min(len(view), self._end - self._at)), self._at)
         count = max(0, min(len(view), self._end - self._at))
-        view[:count] = found.ljust(count, b"\0")
+        view[:count] = os.pread(self._handle, count, self._at).ljust(count, b"\0")
         for start, data in self._unwritten:
             first, last = max(start, self._at), min(start + len(data), self._at + count)
             if first < last:
@@ -114,7 +113,7 @@ class NewHdf5:
         self.file = h5py.File(self._bytes, "w", libver=libver)
 
     def check(self) -> None:
-        """Raise OSError if the disk refused a write; called after each array, so that no more is made in vain."""
+        """Raise OSError if the disk refused a write; call it after each array, so that work stops there."""
         self._bytes.check()
 
     def close(self) -> None:

@@ -75,7 +75,7 @@ def verify(path: str | os.PathLike[str]) -> list[str]:
             continue
         if found != expected:
             problems.append(f"{name} has changed: its sha256 is {found}, the manifest says {expected}.")
-        elif covers_manifest(manifest) and not _says(artefact.folder / name, manifest, name):
+        elif covers_manifest(manifest) and not _says(artefact.folder / name, manifest, name, found):
             problems.append(f"{name} does not hold what the manifest's digest was made of.")
     for extra in sorted(artefact.folder.rglob("*")):
         name = extra.relative_to(artefact.folder).as_posix()
@@ -95,9 +95,9 @@ def covers_manifest(manifest: Manifest) -> bool:
     return manifest.manifest_version >= MANIFEST_VERSION
 
 
-def _says(path: Path, manifest: Manifest, name: str) -> bool:
+def _says(path: Path, manifest: Manifest, name: str, sha256: str) -> bool:
     try:
-        return content_digest(path, manifest.kind) == manifest.content.get(name)
+        return content_digest(path, manifest.kind, sha256) == manifest.content.get(name)
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, MemoryError, pa.ArrowException):
         return False
 

@@ -168,7 +168,7 @@ def sha256_of_file(path: Path) -> str:
 
 
 def digest_of(kind: str, schema_version: int, content: Mapping[str, str]) -> str:
-    """Digest of an artefact: sha256 over its kind, its version, its files' names and the digests of what they say."""
+    """Digest of an artefact: sha256 over its kind, its version, its files' names and the digests of their content."""
     return _sha256_of_json(["content", kind, schema_version, sorted(content.items())])
 
 
@@ -178,10 +178,9 @@ def digest_of_files(kind: str, schema_version: int, files: Mapping[str, str]) ->
 
 
 def digest_of_manifest(fields: Mapping[str, Any]) -> str:
-    """sha256 of all fields of a manifest, as they stand in its JSON, but `manifest_digest`."""
+    """sha256 of all fields of a manifest, as they stand in its JSON, except `manifest_digest`."""
     covered = {name: value for name, value in fields.items() if name != "manifest_digest"}
-    text = json.dumps(covered, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    return _sha256_of_json(covered)
 
 
 def manifest_has_changed(folder: Path) -> bool:
@@ -191,7 +190,7 @@ def manifest_has_changed(folder: Path) -> bool:
 
 
 def _sha256_of_json(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value, separators=(",", ":")).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Artefact:

@@ -117,7 +117,7 @@ def _metrics_1_to_2(source: Path, target: Path) -> None:
 
 def _checkpoint_1_to_2(source: Path, target: Path) -> None:
     """Version 2 lists the data of every training as fields (`data_schemas.trainings`); before, each training and the
-    whole had a sentence about them, `trained_on`. Weights with no training listed had one, the one of their log."""
+    whole had a sentence about them, `trained_on`. Weights that listed no training get one, made from their log."""
     for path in source.iterdir():
         if path.name != "config.json":
             carry_over(source, target, path.name)

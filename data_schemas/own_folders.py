@@ -41,7 +41,7 @@ def is_own_folder(path: Path) -> bool:
 
 
 def refuse_unmarked(path: Path) -> None:
-    """Raise UsageError if `path` exists and pumps did not make it. An empty folder is nobody's loss and passes."""
+    """Raise UsageError if `path` exists and pumps did not make it. An empty folder passes: nothing can be lost."""
     if not os.path.lexists(path) or is_own_folder(path) or _is_empty_folder(path):
         return
     raise UsageError(

@@ -1,4 +1,4 @@
-"""`python -m pumps_cli` is `pumps`: what holds before the command is loaded, and after all is printed."""
+"""The command `pumps`, also `python -m pumps_cli`: handles interrupts while it loads, and sets the exit code."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pumps_cli.interrupts import end_at_interrupt
 def main() -> None:
     """Run `pumps` with the shell's arguments. Leaves by SystemExit with the exit code."""
     end_at_interrupt()
-    # Only now: an interrupt while these are loaded ends the program without a traceback.
+    # Imported only now, so that an interrupt during the import ends the program without a traceback.
     from pumps_cli.terminal import ended, open_closed_streams
 
     open_closed_streams()

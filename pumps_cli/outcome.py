@@ -96,7 +96,7 @@ def _print_tinted(report: StageReport) -> None:
 
 
 def show(manner: Manner, lines: Callable[[], list[str]], data: Callable[[], object]) -> None:
-    """Print lines, JSON or nothing, as `manner` says. A line end inside a line is a name's, and written as a code."""
+    """Print lines, JSON or nothing, as `manner` says. A line end inside a name is printed as its code."""
     if manner.json:
         say(json.dumps(data()))
     elif not manner.quiet:

@@ -1,4 +1,4 @@
-"""What reaches the terminal: texts without control characters, in any encoding, and what closed or full outputs mean.
+"""Output to the terminal: control characters are escaped, any encoding works, a closed output gives an exit code.
 
 Imports nothing that is slow, since it is needed before the command is loaded.
 """
@@ -53,7 +53,7 @@ def write_any_text() -> None:
 
 
 def open_closed_streams() -> None:
-    """Open the standard streams that the shell closed, lest a file of ours takes their numbers.
+    """Open the standard streams that the shell closed, so that no file opened later gets their numbers.
 
     Writing to a closed stdout remains an error; what goes to a closed stderr is lost.
     """

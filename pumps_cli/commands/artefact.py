@@ -54,11 +54,8 @@ def verify_artefact(path: ArtefactPath, quiet: Quiet = False, as_json: AsJson = 
         problems = verify(path)
         manifest = open_artefact(path).manifest
         covered = covers_manifest(manifest)
-        verdict = problems or [f"{len(manifest.files)} files are as they were written."]
-        if covered and not problems:
-            verdict = [f"{len(manifest.files)} files and the manifest are as they were written."]
-        if not covered:
-            verdict = [*verdict, _OLDER]
+        whole = f"{len(manifest.files)} files{' and the manifest' if covered else ''} are as they were written."
+        verdict = [*(problems or [whole]), *([] if covered else [_OLDER])]
         lines = [f"{path}: {sentence}" for sentence in verdict]
         data = {"path": str(path), "problems": problems, "manifest_covered": covered}
         show(manner, lambda: lines, lambda: data)

@@ -33,10 +33,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     def path_of(name: str) -> Path:
         return config.output / f"{files.of(name)}{_SUFFIXES[kind]}" if into_folder else config.output
 
+    folder = config.body_models
+    models = [("body-models", each) for each in folder.iterdir()] if folder and folder.is_dir() else []
+
     def check(path: Path) -> None:
         check_written(config, path)
-        models = config.body_models.iterdir() if config.body_models and config.body_models.is_dir() else ()
-        check_replaceable(path, config.overwrite, [("body-models", each) for each in models])
+        check_replaceable(path, config.overwrite, models)
 
     if not into_folder:
         check_file(config)
@@ -55,7 +57,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_output(path, data)
         written.append(path)
         if into_folder and path.name != f"{clip.name}{_SUFFIXES[kind]}":
-            remarks = [*remarks, f"Its file is {path.name}: the clip's name cannot be a file's here."]
+            remarks = [
+                *remarks,
+                f"Its file is {path.name}, since the clip's name cannot be a file name or is taken.",
+            ]
         notes += [f"{clip.name}: {note}" for note in (*clip.notes, *remarks)]
         progress.advance(1, clip.name)
     if not written:

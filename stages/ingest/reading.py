@@ -16,7 +16,7 @@ from data_schemas.errors import InputError
 from data_schemas.motion import fault_of_motion, fault_of_skeleton
 from data_schemas.notes import Flag, Note, note
 from data_schemas.quality import MotionQuality
-from stages.shared.formats.readers import AUTO, format_named, read_recordings, recognise
+from stages.shared.formats.readers import AUTO, Format, format_named, read_recordings, recognise
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.sources import Source
 from stages.shared.humanoid.motion_quality import measure_quality
@@ -59,29 +59,27 @@ class Outcome:
 
 def read_one(job: Job) -> Outcome:
     """Read a source; whatever fails is returned as this source's outcome, not raised."""
-    data: list[bytes] = []  # what was read before something failed
-    chosen: list[str] = []
+    source, data, chosen = job.source, None, None
     try:
-        return _read(job, data, chosen)
+        data = source.read()
+        chosen = recognise(data, source.name) if job.format == AUTO else format_named(job.format)
+        return _outcome_of(job, data, chosen)
     except InputError as error:
         reason, hint = error.message, error.hint
     except MemoryError:
-        reason = f"{job.source.name} takes more memory than there is."
+        reason = f"{source.name} takes more memory than there is."
         hint = "Give fewer --workers, or cut the file into shorter ones."
     except Exception as error:  # a fault of one reader must not cost all other files
         cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        reason = f"{job.source.name} cannot be read: its reader failed ({cause})."
+        reason = f"{source.name} cannot be read: its reader failed ({cause})."
         hint = "This is a fault of pumps; please report it with the file."
-    sha256 = hashlib.sha256(data[0]).hexdigest() if data else ""
-    return Outcome(job.source, "skipped", "".join(chosen), sha256=sha256, reason=reason, hint=hint)
+    sha256 = "" if data is None else hashlib.sha256(data).hexdigest()
+    return Outcome(source, "skipped", chosen.name if chosen else "", sha256=sha256, reason=reason, hint=hint)
 
 
-def _read(job: Job, read: list[bytes], formats: list[str]) -> Outcome:
-    """Read a source; its bytes and its format's name are added to the lists as soon as they are known."""
+def _outcome_of(job: Job, data: bytes, chosen: Format | None) -> Outcome:
+    """The recordings of a source's bytes in a format. Raises InputError if they are not motion."""
     source = job.source
-    data = source.read()
-    read.append(data)
-    chosen = recognise(data, source.name) if job.format == AUTO else format_named(job.format)
     if chosen is None:
         if source.named:
             raise InputError(
@@ -89,7 +87,6 @@ def _read(job: Job, read: list[bytes], formats: list[str]) -> Outcome:
                 "docs/formats.md lists the formats.",
             )
         return Outcome(source, "ignored", reason="It holds no motion.")
-    formats.append(chosen.name)
     found = read_recordings(data, source, chosen, job.asked)
     recordings = [recording for recording in found if recording.motion.frames >= LEAST_FRAMES]
     if not recordings:
@@ -126,7 +123,7 @@ def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
 
 
 def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
-    """Outcomes of all jobs, in order. Where a process dies, the file that it died of is found and skipped."""
+    """Outcomes of all jobs, in order. If a process dies, the file that caused it is found and skipped."""
     batches = _batches(jobs)
     # A short queue of outcomes keeps the processes busy and takes little memory.
     waiting: deque[tuple[list[Job], Future[list[Outcome]] | None]] = deque()
@@ -139,7 +136,7 @@ def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
                 return
             batch, future = waiting.popleft()
             outcomes = _result(future)
-            if outcomes is None:  # all that had not finished is lost with the dead process: read it apart
+            if outcomes is None:  # unfinished batches are lost with the dead process, and read in new ones
                 pool.shutdown(cancel_futures=True)
                 for lost, theirs in [(batch, None), *waiting]:
                     yield from _result(theirs) or _read_apart(lost)
@@ -152,7 +149,7 @@ def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
 
 
 def _read_apart(jobs: Sequence[Job]) -> Iterator[Outcome]:
-    """Outcomes of jobs, each read in a process of its own after the batch as a whole made one die."""
+    """Outcomes of a batch, read in a new process; if that dies too, each job in a process of its own."""
     for part in [jobs] if len(jobs) == 1 else [jobs, *([job] for job in jobs)]:
         with _pool(1) as pool:
             outcomes = _result(_submitted(pool, list(part)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import unicodedata
+from itertools import count
 
 LONGEST_BYTES = 120  # of a name in UTF-8, so that suffixes and the names of drafts fit into the 255 of most systems
 _REPLACED = frozenset('/\\:*?"<>|')
@@ -33,13 +34,11 @@ class FileNames:
     def of(self, name: str) -> str:
         """The file name, without suffix, of what is called `name`; the same name always gets the same."""
         if name not in self._by_name:
-            found = plain = _plain(name)
-            attempt = 0
-            while plain != name or _folded(found) in self._taken:
-                found = f"{_cut(plain, LONGEST_BYTES - 9)}-{_digits(name, attempt)}"
-                if _folded(found) not in self._taken:
-                    break
-                attempt += 1
+            plain = _plain(name)
+            with_digits = (f"{_cut(plain, LONGEST_BYTES - 9)}-{_digits(name, attempt)}" for attempt in count())
+            found = plain if plain == name else next(with_digits)
+            while _folded(found) in self._taken:
+                found = next(with_digits)
             self._taken.add(_folded(found))
             self._by_name[name] = found
         return self._by_name[name]

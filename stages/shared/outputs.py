@@ -3,7 +3,7 @@
 An output that exists is replaced with `overwrite` only. A file or artefact that the command reads, or a part of one,
 is never replaced, by whatever path it is named. A link is written through: the file that it leads to is replaced, and
 the link stays. Pipes and character devices, such as `/dev/null`, are written to and never replaced; other things that
-are no plain file are refused.
+are not plain files are refused.
 """
 
 from __future__ import annotations

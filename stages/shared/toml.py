@@ -39,7 +39,7 @@ def toml_values(text: str) -> dict[str, Any]:
 
     Raises: TOMLDecodeError if the text is not TOML, is longer than MAX_BYTES, or is nested deeper than MAX_DEPTH.
     """
-    if len(text) > MAX_BYTES:
+    if len(text.encode("utf-8", errors="surrogatepass")) > MAX_BYTES:
         raise TOMLDecodeError(f"it is longer than {MAX_BYTES >> 20} MB")
     depth = dots = 0
     for token in _TOKEN.finditer(text):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -45,7 +46,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             )
         config.output.mkdir(parents=True, exist_ok=True)
         names = FileNames()
-        sources = [("a source", path) for row in reader.clips for path in paths_in(row.source)]
+        paths = dict.fromkeys(path for row in reader.clips for path in paths_in(row.source))
+        sources = [("a source", path) for path in paths if os.path.exists(path)]
         files = [f"{names.of(row.clip)}.bvh" for row in picked]
         stale = sorted(_listed(config.output) - {*files})
         for file in (*files, *stale):

@@ -41,7 +41,7 @@ class DataFile(_Strict):
     @classmethod
     def _plain(cls, name: str) -> str:
         if not _NAME.fullmatch(name) or not is_file_name(name) or name.endswith((".part", ".part.mark")):
-            raise ValueError("must be a plain file name, and none of a part")
+            raise ValueError("must be a plain file name that does not end in .part or .part.mark")
         return name
 
     @field_validator("url")
@@ -88,7 +88,7 @@ class DataSet(_Strict):
         if bool(self.files) == bool(self.by_hand):
             raise ValueError("needs either files, or by_hand with instructions for a person")
         if len({each.name.lower() for each in self.files}) < len(self.files):
-            raise ValueError("gives two files one name")
+            raise ValueError("gives two files the same name")
         return self
 
     @property

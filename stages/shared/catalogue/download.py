@@ -121,7 +121,7 @@ class _Resuming:
         have = self._size()
         if have and not self.mark.exists():
             raise UsageError(
-                f"{self.part} is not of a download by pumps, which would remove it.",
+                f"{self.part} is not of a download by pumps, and would be removed.",
                 "Move it, or give another folder with -o.",
             )
         version = self.mark.read_text() if have else ""

@@ -20,8 +20,8 @@ from torch import Tensor
 
 from data_schemas.damaged_files import reading
 from data_schemas.skeleton import Skeleton
-from data_schemas.whole_file import write_whole
 from stages.shared.inference.token_times import Tokens
+from stages.shared.outputs import write_output
 from stages.shared.solve.solving import Corrections
 from stages.shared.weights.shipped import CONFIDENCE_NAME
 
@@ -102,7 +102,7 @@ def write_confidence(path: Path, confidence: Confidence, about: dict[str, object
     """Write it as JSON; `about` states what it was fitted on."""
     content = {"version": VERSION, "gap_edges": GAP_EDGES, "size_edges": SIZE_EDGES, "parts": PARTS, "nodes": NODES}
     content |= {"about": about, "trust": np.round(confidence.trust, 4).tolist()}
-    write_whole(path, (json.dumps(content, indent=1) + "\n").encode("utf-8"))
+    write_output(path, (json.dumps(content, indent=1) + "\n").encode("utf-8"))
 
 
 def read_confidence(folder: Path) -> Confidence | None:

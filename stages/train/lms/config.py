@@ -12,7 +12,7 @@ from stages.shared.training.config import TrainingConfig
 
 
 class NewSizes(SynthesiserSizes):
-    """Sizes of new trainings: beyond the keys their base continues to move. Weights trained before hold it."""
+    """Sizes of new trainings, whose base moves on beyond the keys. The base of older weights stands still there."""
 
     # On validation clips (docs/log.md, 2026-11-28): a position keeps its speed for about a second, a rotation does
     # not.
@@ -28,7 +28,7 @@ class NewSizes(SynthesiserSizes):
 class Config(TrainingConfig):
     """Train the latent motion synthesiser with the frozen encoder (PUMPS 3.3)."""
 
-    tpc: Path = Field(description="The tpc artefact to learn from; its clips are encoded with points drawn again.")
+    tpc: Path = Field(description="The tpc artefact to learn from; its clips are encoded with newly drawn points.")
     ae: Path = Field(description="Checkpoint artefact of the autoencoder.")
     latent: Path | None = Field(None, description="The latent artefact of the same clips, made by the same encoder.")
     synthesiser: NewSizes = NewSizes()

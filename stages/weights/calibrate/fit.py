@@ -25,7 +25,7 @@ _TINY = 1e-12
 @dataclass
 class Sums:
     """Normal equations of all bins' trust, in the order of a table of `SHAPE` laid out flat: squares (n, n), products
-    (n,), gaps counts (n,); and the power of the ideal corrections."""
+    (n,), numbers of gaps `counts` (n,); and the power of the ideal corrections."""
 
     squares: np.ndarray = field(default_factory=lambda: np.zeros((_COUNT, _COUNT)))
     products: np.ndarray = field(default_factory=lambda: np.zeros(_COUNT))

@@ -173,7 +173,7 @@ def _insect() -> list[tuple[int, tuple[float, float, float]]]:
 @pytest.mark.parametrize(
     ("joints", "reason"),
     [
-        (_dog(), "four legs|times as long as its legs"),
+        (_dog(), "times as long as its legs"),
         (_chain(12), "one chain of 12 joints"),
         (_chain(1), "only 1 joint"),
         (_hand(), "5 similar branches at j1"),

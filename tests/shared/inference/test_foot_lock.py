@@ -53,14 +53,15 @@ def locked_motion(skeleton: Skeleton, filled: Motion, known: np.ndarray) -> Moti
 
 
 @pytest.mark.parametrize(
-    ("name", "step"), [("walk", 15), ("walk", 10), ("dance_a", 15), ("crawl", 15), ("punch", 20)]
+    ("name", "step", "most"),
+    [("walk", 15, 0.7), ("walk", 10, 0.72), ("dance_a", 15, 0.7), ("crawl", 15, 0.7), ("punch", 20, 0.7)],
 )
-def test_feet_slide_less_and_keys_stay(name: str, step: int):
+def test_feet_slide_less_and_keys_stay(name: str, step: int, most: float):
     skeleton, _, filled, known = interpolated(name, step)
     locked = locked_motion(skeleton, filled, known)
     loose, held = (SkeletonPose.of_motion(skeleton, motion) for motion in (filled, locked))
     before, after = skates(loose, known, filled.fps, loose, held)
-    assert after < 0.75 * before
+    assert after < most * before
     for field in ("rotations", "root_positions", "tracks"):
         ours, theirs = getattr(locked, field), getattr(filled, field)
         assert ours[known].tobytes() == theirs[known].tobytes()
