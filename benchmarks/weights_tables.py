@@ -84,7 +84,7 @@ def summary(measured: dict[str, Measured]) -> str:
 
 
 def stamp(measured: dict[str, Measured]) -> list[str]:
-    """What all tables were measured by. Raises SystemExit where they were not measured by the same."""
+    """The code and the weights of all tables. Raises SystemExit if two tables were measured by different ones."""
     codes = {each.manifest.summary.get("code", "unknown code") for each in measured.values()}
     if len(codes) > 1:
         sys.exit(

@@ -10,7 +10,7 @@ from stages.shared.statistics.feel_tables import LEGEND as FEEL_LEGEND
 from stages.shared.statistics.feel_tables import feel_markdown, feel_table
 from stages.shared.statistics.method_notes import MethodFacts, borrowed_note, markdown_of, method_notes
 from stages.shared.statistics.pop_tables import LEGEND as POP_LEGEND
-from stages.shared.statistics.pop_tables import pop_markdown, pop_table
+from stages.shared.statistics.pop_tables import pop_markdown
 from stages.shared.statistics.tables import LEGEND, Cell, Key, overview, scopes_of, task_tables
 
 
@@ -35,16 +35,16 @@ def summary_md(
         parts.append("\n".join(f"- {markdown_of(note)}" for note in notes) + "\n")
     if borrowed := borrowed_note(facts):
         parts.append(borrowed + "\n")
-    tables = task_tables(found, lambda scope: _feel_and_pops(found, rows, scope))
+    pops = {scope: pop_markdown(rows, scope) for scope in scopes_of(found)}
+
+    def beside(scope: str) -> str:
+        return "\n".join(text for text in (feel_markdown(found, scope), pops[scope]) if text)
+
+    tables = task_tables(found, beside)
     felt = any(feel_table(found, scope) for scope in scopes_of(found))
-    popped = any(pop_table(rows, scope) for scope in scopes_of(found))
-    legends = [LEGEND, *([FEEL_LEGEND] if felt else []), *([POP_LEGEND] if popped else [])]
+    legends = [LEGEND, *([FEEL_LEGEND] if felt else []), *([POP_LEGEND] if any(pops.values()) else [])]
     parts += [overview(found), *(f"{legend}\n" for legend in legends), tables]
     return "\n".join(parts)
-
-
-def _feel_and_pops(found: dict[Key, Cell], rows: list[MetricRow], scope: str) -> str:
-    return "\n".join(text for text in (feel_markdown(found, scope), pop_markdown(rows, scope)) if text)
 
 
 def _clips_text(config: Config) -> str:

@@ -27,6 +27,9 @@ def path_between(angles: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.
     """
     if (np.abs(np.cos(np.deg2rad(angles[:, 1]))) < LOCKED).any():
         return None
+    if angles.shape[1] == 2:  # the other triple turns about three axes: two channels have one form up to whole turns
+        curve = np.unwrap(angles + 360.0 * np.round((first - angles[:1]) / 360.0), axis=0, period=360.0)
+        return curve if largest_step(curve, first, last) <= JUMP_DEGREES else None
     triples = _two_triples(angles, first)
     centre = (_TURNS,) * angles.shape[1]
     turns = np.stack(np.meshgrid(*[np.arange(-_TURNS, _TURNS + 1)] * angles.shape[1], indexing="ij"), -1)
@@ -51,8 +54,8 @@ def path_between(angles: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.
         costs = new
     arrival = last - (triples[:, -1].reshape(2, *[1] * angles.shape[1], -1) + 360.0 * turns)
     costs = np.where((np.abs(arrival) <= JUMP_DEGREES).all(-1), costs + (arrival**2).sum(-1), np.inf)
-    crossed = 1 - _triple_of(last)
-    costs[crossed][np.abs(arrival[crossed][..., 1]) > LOCK_STEP_DEGREES] = np.inf
+    away = 1 - _triple_of(last)
+    costs[away][np.abs(arrival[away][..., 1]) > LOCK_STEP_DEGREES] = np.inf
     best = np.unravel_index(int(costs.argmin()), costs.shape)
     if not np.isfinite(costs[best]):
         return None
@@ -92,8 +95,7 @@ def largest_step(curve: np.ndarray, first: np.ndarray, last: np.ndarray) -> floa
 def _two_triples(angles: np.ndarray, first: np.ndarray) -> np.ndarray:
     """(2, M, n) both triples of each frame, each a curve without jumps of a whole turn that starts near a key."""
     inner = np.array([_triple_of(frame) == 0 for frame in angles])[:, None]
-    channels = angles.shape[1]
-    other = other_triple(np.pad(angles, ((0, 0), (0, 3 - channels))))[:, :channels]
+    other = other_triple(angles)
     pair = np.stack([np.where(inner, angles, other), np.where(inner, other, angles)])
     pair += 360.0 * np.round((first - pair[:, :1]) / 360.0)
     return np.unwrap(pair, axis=1, period=360.0)

@@ -45,8 +45,8 @@ def rows_between_keys(
     layout = layout_of(bvh.joints)
     angles = [
         (bvh.joints[joint].name, axes, at)
-        for axes, joints, columns in layout.rotations
-        for joint, at in zip(joints, columns, strict=True)
+        for axes, joints, places in layout.rotations
+        for joint, at in zip(joints, places, strict=True)
         if axes
     ]
     # Position channels of joints that stand still are taken from these: between keys, the keys' own values.

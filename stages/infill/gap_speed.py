@@ -1,4 +1,4 @@
-"""The speed at which a body moves through a gap, against what people show in recordings."""
+"""The speed at which a body moves through a gap, compared with recordings of people."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SHOWN = 3
 
 
 def sentences_of_speed(skeleton: Skeleton, filled: Motion, keys: np.ndarray, first: int) -> list[str]:
-    """A sentence where a gap moves faster than people do in recordings, since its keys ask for it.
+    """One sentence if the body moves faster in some gap than people do in recordings.
 
     Args:
         filled: T frames. keys: (K,) frames of it that are given, rising. first: the output's number of frame 0.
@@ -40,6 +40,7 @@ def sentences_of_speed(skeleton: Skeleton, filled: Motion, keys: np.ndarray, fir
     shown = ", ".join(what for _, what in found[:_SHOWN])
     more = f" and {len(found) - _SHOWN} more gaps" if len(found) > _SHOWN else ""
     return [
-        f"The keys ask for more speed than 99.9 % of recorded frames show (pelvis {PELVIS_MPS:g} m/s, other joints "
-        f"{LIMB_MPS:g} m/s): {shown}{more}. Move the keys beside these gaps further apart in time or closer in space."
+        "Between these keys the body moves faster than in 99.9 % of recorded frames (pelvis "
+        f"{PELVIS_MPS:g} m/s, other joints {LIMB_MPS:g} m/s): {shown}{more}. Move the keys beside these gaps further "
+        "apart in time or closer in space."
     ]

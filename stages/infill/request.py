@@ -87,9 +87,7 @@ def _note_outside(first: int, last: int, rows: int) -> str:
     """What the user should know of rows before the first key and after the last one."""
     ranges = [(0, first - 1)] * (first > 0) + [(last + 1, rows - 1)] * (last < rows - 1)
     named = " and ".join(f"{a}-{b}" for a, b in ranges)
-    return (
-        f"Rows {named} lie outside the keys and are written as they came; name keys there if they are to be filled."
-    )
+    return f"Rows {named} lie outside the keys and are copied unchanged. To fill them, name keys there."
 
 
 def _sparse(config: Config, rows: int, fps: float, added: int) -> Request:
@@ -124,7 +122,7 @@ def _sparse(config: Config, rows: int, fps: float, added: int) -> Request:
     if keys[-1] + added >= most_frames(rows):
         raise InputError(
             f"{name} asks for {keys[-1] + 1 + added} frames between {rows} keys.",
-            f"Stay below frame {most_frames(rows)}.",
+            f"Stay below frame {most_frames(rows) - added}.",
         )
     kept = {frame: 0 for frame in range(int(keys[0]))}
     kept |= {int(frame): row for row, frame in enumerate(keys)}

@@ -39,8 +39,7 @@ def toml_values(text: str) -> dict[str, Any]:
 
     Raises: TOMLDecodeError if the text is not TOML, is longer than MAX_BYTES, or is nested deeper than MAX_DEPTH.
     """
-    if len(text.encode("utf-8", errors="surrogatepass")) > MAX_BYTES:
-        raise TOMLDecodeError(f"it is longer than {MAX_BYTES >> 20} MB")
+    _check_length(text.encode("utf-8", errors="surrogatepass"))
     depth = dots = 0
     for token in _TOKEN.finditer(text):
         mark = token[0]
@@ -60,11 +59,18 @@ def toml_values(text: str) -> dict[str, Any]:
         raise TOMLDecodeError("a number has too many digits") from None
 
 
+def _check_length(data: bytes) -> None:
+    if len(data) > MAX_BYTES:
+        raise TOMLDecodeError(f"it is longer than {MAX_BYTES >> 20} MB")
+
+
 def read_toml(path: Path, *, what: str = "settings file", option: str = "--config") -> dict[str, Any]:
     """The tables and keys of a TOML file. Raises InputError when it is missing or not TOML."""
     try:
         with path.open("rb") as file:
-            return toml_values(file.read(MAX_BYTES + 1).decode("utf-8"))
+            data = file.read(MAX_BYTES + 1)
+        _check_length(data)  # first: what is read of a longer file may end within a letter
+        return toml_values(data.decode("utf-8"))
     except FileNotFoundError:
         raise InputError(f"The {what} {path} does not exist.", f"Check the path given to {option}.") from None
     except TOMLDecodeError as error:

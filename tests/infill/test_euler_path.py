@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from stages.infill.euler_path import JUMP_DEGREES, largest_step, path_between, through_lock
 from stages.infill.euler_rows import EulerJump, sentences_of_jumps
-from stages.shared.formats.euler import angles_near, other_triple, to_quaternions
+from stages.shared.formats.euler import LOCKED, angles_near, other_triple, to_quaternions
 
 ORDER = "ZXY"
 
@@ -82,3 +83,18 @@ def test_jumps_are_told_with_joint_and_frame():
     (sentence,) = sentences_of_jumps(jumps, 10)
     assert "Joint0 into frame 10" in sentence and "and 2 more" in sentence
     assert sentences_of_jumps([], 0) == []
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_two_channels_keep_their_rotations_through_ninety_degrees(seed: int) -> None:
+    """Two channels have one triple only: what would be the other one turns about a third axis."""
+    drawn = np.random.default_rng(seed)
+    angles = np.stack([np.linspace(*drawn.uniform(-40, 40, 2), 20), np.linspace(*drawn.uniform(60, 120, 2), 20)], -1)
+    first, last = angles[0], angles[-1] + 360.0 * drawn.integers(-1, 2, 2)
+    found = path_between(angles[1:-1], first, last)
+    if found is not None:
+        made, meant = (Rotation.from_euler("XY", each, degrees=True) for each in (found, angles[1:-1]))
+        assert (made.inv() * meant).magnitude().max() < 1e-6
+    if (last == angles[-1]).all() and np.abs(np.cos(np.deg2rad(angles[:, 1]))).min() >= LOCKED:
+        assert found is not None

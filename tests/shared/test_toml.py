@@ -9,7 +9,7 @@ import pytest
 
 from data_schemas.errors import InputError
 from stages.shared.formats.skeleton_map import read_skeleton_map
-from stages.shared.toml import MAX_DEPTH, TOMLDecodeError, parse_value, read_toml, toml_values
+from stages.shared.toml import MAX_BYTES, MAX_DEPTH, TOMLDecodeError, parse_value, read_toml, toml_values
 
 DEEP = {
     "arrays": "x = " + "[" * 6000 + "]" * 6000,
@@ -66,3 +66,11 @@ def test_a_map_of_many_unknown_joints_is_refused_soon(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the rig lacks 1980 more"):
         choose_map([read_skeleton_map(path)], names)
     assert time.process_time() - begun < 3.0
+
+
+def test_a_file_that_is_too_long_in_bytes_is_not_cut(tmp_path: Path) -> None:
+    """Its bound is in bytes: a text with accents has fewer characters than bytes."""
+    long = tmp_path / "long.toml"
+    long.write_text("# " + "é" * (MAX_BYTES // 2) + "\na = 1\nb = 2\n", encoding="utf-8")
+    with pytest.raises(InputError, match="longer than"):
+        read_toml(long)

@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 from data_schemas.errors import InputError
 
 MAX_FILE_BYTES = 1 << 30
-MAX_RATIO = 40  # unpacked over packed, of what counts: 3 to 10 for numbers as text, 1000 for one number repeated
+MAX_RATIO = 40  # unpacked over packed bytes: 3 to 10 for numbers as text, 1000 for one number repeated
 _RATIO_COUNTS_FROM = 16 << 20
 _MAX_MEMBERS = 2_000_000
 

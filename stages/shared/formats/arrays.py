@@ -48,7 +48,7 @@ def read_array(data: bytes, name: str) -> np.ndarray:
             "Is the file truncated?",
         )
     flat = np.frombuffer(data, dtype, offset=stream.tell())
-    if dtype.kind == "U":  # four bytes a letter, and Python has a SystemError for those that are none
+    if dtype.kind == "U":  # UTF-32: reading a number above the last code point is a SystemError
         letters = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(dtype.byteorder), offset=stream.tell())
         if letters.size and letters.max() > sys.maxunicode:
             raise InputError(f"{name} holds text that is damaged.", "Fetch it again.")

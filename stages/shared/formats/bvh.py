@@ -160,7 +160,7 @@ def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
 
 
 def _value_after(words: tuple[bytes, ...], line: bytes) -> bytes | None:
-    """The word that follows a line's first words and a colon, or no word; None if the line holds anything else."""
+    """The word after `words` and a colon, empty if there is none; None if the line does not read so."""
     rest = line.strip()
     for word in words:
         if rest[: len(word)].lower() != word.lower():
@@ -235,8 +235,9 @@ def _unwrap_rows(
 ) -> tuple[list[bytes], list[int]] | None:
     """Rows of C words of a file that breaks them into lines regularly, and the line on which each begins.
 
-    Regular are rows that all begin on a new line, several whole rows on a line, and lines of one length that is at
-    most half a row. Returns None for other breaks: a row that lacks a number never takes one of the next row.
+    Breaks are regular if every row begins on a new line, if a line holds several whole rows, or if all lines have the
+    same length of at most half a row. Returns None for other breaks, so that a row that lacks a number never takes
+    one from the next row.
     """
     words = [line.split() for line in lines]
     counts = [len(each) for each in words]
@@ -252,7 +253,7 @@ def _unwrap_rows(
 
 
 def _rows_begin_on_lines(counts: list[int], columns: int) -> bool:
-    """True where lines of so many words make up rows of C words, and no row begins within another's line."""
+    """True if every line of `counts` words holds whole rows of C words or a part of one row."""
     held = 0
     for count in counts:
         held += count

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from itertools import count
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
@@ -24,16 +23,16 @@ def template_of(header: str, fps: float, name: str) -> BvhFile:
     return read_bvh((header + newline.join(rows)).encode(), name)
 
 
-def _with_places(header: str, joints: set[int]) -> str:
-    """The header with position channels on some more joints, which are counted in the order of their CHANNELS."""
-    at = count(0)
+def with_places(header: str, joints: set[int]) -> str:
+    """The header with position channels on some more joints; a joint that has no channels at all gets none."""
+    having = (joint for joint, each in enumerate(parse_header(header)) if each.channels)
 
     def channels(found: re.Match[str]) -> str:
-        if next(at) not in joints:
+        if next(having) not in joints:
             return found[0]
         return f"{found[1]}{int(found[2]) + 3} {' '.join(POSITION_CHANNELS)} "
 
-    return re.sub(r"(\bCHANNELS[ \t]+)(\d+)[ \t]+", channels, header, flags=re.IGNORECASE)
+    return re.sub(r"(\bCHANNELS[ \t]+)(0*[1-6])[ \t]+", channels, header, flags=re.IGNORECASE)
 
 
 def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: int = DECIMALS) -> bytes:
@@ -48,5 +47,5 @@ def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: in
         if not set(POSITION_CHANNELS) & set(template.joints[joint].channels)
     }
     if lacking:  # clips of one skeleton share its header, and not all of them move the same joints
-        template = template_of(_with_places(skeleton.header, lacking), motion.fps, name)
+        template = template_of(with_places(skeleton.header, lacking), motion.fps, name)
     return write_bvh(template, values_of(template, skeleton, motion), decimals=decimals)

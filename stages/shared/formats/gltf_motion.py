@@ -1,6 +1,6 @@
 """The animated skin of a glTF file as motion: one clip for each animation, all on one skeleton.
 
-A file without a skin has its animated nodes for joints. Nodes above the joints place them in the world. A constant
+In a file without a skin the animated nodes are the joints. Nodes above the joints place them in the world. A constant
 scale is multiplied into the lengths, since skeletons here have no scales. Lengths are those of the nodes at rest, so
 that they do not depend on what a clip shows; a joint that is elsewhere has a translation track.
 """
@@ -292,7 +292,8 @@ def _sampled(
 def _rig(nodes: _Nodes, skin: _Skin, clips: list[_Clip]) -> SourceRig:
     """The one rig of all clips.
 
-    A joint's offset is its node's place at rest, or, where no clip moves it and all hold it elsewhere, that place.
+    A joint's offset is its node's place at rest. If all clips hold the joint still at one other
+    place, it is that place.
     """
     resting = np.stack([nodes[node].translation for node in skin.joints])
     offsets = clips[0].scales[:, None] * resting
@@ -300,8 +301,9 @@ def _rig(nodes: _Nodes, skin: _Skin, clips: list[_Clip]) -> SourceRig:
     still = _still(offsets)
     held = clips[0].places[0]
     for joint in range(1, len(skin.joints)):
-        if all(np.abs(clip.places[:, joint] - held[joint]).max() <= still for clip in clips):
-            offsets[joint] = offsets[joint] if np.abs(held[joint] - offsets[joint]).max() <= still else held[joint]
+        unmoved = all(np.abs(clip.places[:, joint] - held[joint]).max() <= still for clip in clips)
+        if unmoved and np.abs(held[joint] - offsets[joint]).max() > still:
+            offsets[joint] = held[joint]
     return SourceRig(
         names=tuple(nodes[node].name for node in skin.joints),
         parents=tuple(skin.parents),

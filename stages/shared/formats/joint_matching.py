@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 _SEPARATORS = " _.-"
-_END_WORDS = ("endsite", "end", "nub")
+_END_WORDS = ("endsite", "end site", "end_site", "end", "nub")
 
 
 def plain_name(name: str) -> str:
@@ -51,14 +51,14 @@ def matched(given: Sequence[str], joints: Sequence[str], aliases: Mapping[str, s
 def _by_names(given: Sequence[str], joints: Sequence[str], aliases: Mapping[str, str]) -> list[int]:
     found = [-1] * len(given)
     taken: set[int] = set()
-    ways: tuple[Callable[[str], str], ...] = (
-        str,
-        plain_name,
-        sided_name,
-        lambda name: aliases.get(plain_name(name), ""),
+    ways: tuple[tuple[Callable[[str], str], Callable[[str], str]], ...] = (
+        (str, str),
+        (plain_name, plain_name),
+        (sided_name, sided_name),
+        (lambda name: aliases.get(plain_name(name), ""), str),
     )
-    for way in ways:
-        keys = [joint if way is ways[-1] else way(joint) for joint in joints]
+    for way, way_of_joints in ways:
+        keys = [way_of_joints(joint) for joint in joints]
         counts = Counter(keys)
         index = {key: at for at, key in enumerate(keys) if counts[key] == 1}
         for at, name in enumerate(given):
@@ -82,7 +82,7 @@ def end_of(name: str) -> str:
     """The joint whose end a name names (`RightFoot_End`, `Head End Site`), or ""."""
     lower = name.lower()
     for word in _END_WORDS:
-        for written in (word, "end site", "end_site") if word == "endsite" else (word,):
-            if lower.endswith(written) and name[: -len(written)][-1:] and name[: -len(written)][-1] in _SEPARATORS:
-                return name[: -len(written)].rstrip(_SEPARATORS)
+        before = name[: -len(word)]
+        if lower.endswith(word) and before and before[-1] in _SEPARATORS:
+            return before.rstrip(_SEPARATORS)
     return ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,11 +24,11 @@ class MeasuredPositions:
     parents: tuple[int, ...] = ()
     fps: float | None = None
     unit_m: float | None = None
-    notes: tuple[Note, ...] = field(default=())
+    notes: tuple[Note, ...] = ()
 
 
 def sensible_rate(fps: float, name: str) -> float:
-    """The rate itself. Raises InputError if it is none of a motion."""
+    """The rate itself. Raises InputError if no motion has such a rate."""
     if not 0.1 <= fps <= 10_000:
         raise InputError(f"{name}: its rate is {fps:g} frames a second.", "Give the true rate with --fps-override.")
     return fps

@@ -1,14 +1,14 @@
-"""Rows of plain numbers parsed by pyarrow's CSV reader: several times as fast as a row at a time, and the same bits.
+"""Rows of plain numbers parsed by pyarrow's CSV reader, several times as fast as row by row, to the same bits.
 
-Files that most programs write are plain: rows of numbers with one space between them. Anything else gives None, and
-the caller's careful parser, which also names faults, reads the file.
+Most programs write plain files: rows of numbers with one space between them. For any other file the result is None,
+and the caller reads it with its own parser, which also names faults.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-WORTH_BYTES = 64_000  # shorter text is parsed before pyarrow is imported
+WORTH_BYTES = 64_000  # importing pyarrow takes longer than parsing a shorter text
 
 
 def plain_rows(rows: list[bytes], columns: int) -> np.ndarray | None:

@@ -166,7 +166,7 @@ def _bones(frame: Frame, places: np.ndarray) -> Iterator[tuple[int, np.ndarray]]
 
 
 def _check_lengths(frame: Frame, places: np.ndarray, name: str) -> None:
-    """Refuse numbers that are not places: bones keep their lengths, and a rig's their proportions.
+    """Refuse numbers that are not places: lengths of bones that vary, or that differ too much from the rig's.
 
     Angles read as places give bones whose lengths vary by about their own size (a walk: 95% between the 5th and the
     95th percentile); places that cameras measured vary by 2 to 16%.

@@ -33,8 +33,6 @@ def read_csv(data: bytes, name: str) -> MeasuredPositions:
 
     Raises: InputError naming the line and the column; a table of rotations alone is refused.
     """
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
     lines = lines_of(data)
     head = next(lines, (1, ""))[1].removeprefix("\ufeff")
     separator = separator_of(head)
@@ -57,6 +55,8 @@ def read_csv(data: bytes, name: str) -> MeasuredPositions:
 
 def lines_of(data: bytes) -> Iterator[tuple[int, str]]:
     """Lines that are not blank, with their numbers from 1."""
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
     start, number = 0, 0
     while start < len(data):
         end = data.find(b"\n", start)

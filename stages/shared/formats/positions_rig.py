@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -40,12 +40,12 @@ class Frame:
     rest: np.ndarray
     column: np.ndarray
     rig_joints: int
-    ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    ends: np.ndarray
     proportions: bool = False
 
 
 def with_joints(measured: MeasuredPositions, name: str, asked: Asked) -> tuple[MeasuredPositions, Frame]:
-    """The places, and the joints that they belong to; notes tell which columns were left out.
+    """The places, and the joints that they belong to; a note lists the columns that were left out.
 
     Raises: InputError naming the file if no skeleton is known, or its joints are not those of the file.
     """
@@ -98,7 +98,9 @@ def _with_sidecar(measured: MeasuredPositions, name: str, asked: Asked) -> Measu
     fps = None if fps is None else sensible_rate(fps, asked.rig_name)
     if not measured.names or names == measured.names or len(names) != len(parents):
         return replace(measured, names=names, parents=parents, fps=fps)
-    if len(names) > MAX_JOINTS or any(not -1 <= parent < len(names) for parent in parents):
+    if len(names) > MAX_JOINTS:
+        raise InputError(f"{asked.rig_name} has {len(names)} joints, and {MAX_JOINTS} are the most.")
+    if any(not -1 <= parent < len(names) for parent in parents):
         raise InputError(
             f"{asked.rig_name}: a parent is not one of its {len(names)} joints.", "The root's parent is -1."
         )
@@ -142,13 +144,13 @@ def _list_of(names: Sequence[str]) -> str | None:
     for title, joints in LISTS.items():
         if given and given == {plain_name(name) for name, *_ in joints()}:
             return title
-    best, most = None, 0
+    fitting = []
     for title in MIDPOINTS:
         joints = [name for name, *_ in LISTS[title]()]
         found = {joints[at] for at in matched(names, joints, ALIASES) if at >= 0}
-        if found.issuperset(_LIMBS) and (len(found), -len(joints)) > (most, -len(LISTS[best]()) if best else 0):
-            best, most = title, len(found)
-    return best
+        if found.issuperset(_LIMBS):
+            fitting.append((len(found), -len(joints), title))
+    return max(fitting)[-1] if fitting else None
 
 
 def _on_list(measured: MeasuredPositions, name: str, title: str) -> tuple[MeasuredPositions, Frame]:
@@ -262,9 +264,9 @@ def _columns(
             "Give its columns the skeleton's joint names.",
         )
     if left_out:
-        without = [joint for at, joint in enumerate(names) if columns[at] < 0] if measured.names else []
-        told = note(Flag.COLUMNS_LEFT_OUT, where=where, left_out=_some(left_out), without=_some(without))
-        measured = replace(measured, notes=(*measured.notes, told))
+        without = [joint for at, joint in enumerate(names) if columns[at] < 0]
+        listed = note(Flag.COLUMNS_LEFT_OUT, where=where, left_out=_some(left_out), without=_some(without))
+        measured = replace(measured, notes=(*measured.notes, listed))
     return columns, end_columns, measured
 
 
@@ -301,14 +303,14 @@ def _ordered(
             raise InputError(f"{name}: '{names[order[0]][:60]}', the parent of several joints, is not measured.")
         order = order[1:]
     place = {joint: index for index, joint in enumerate(order)}
-    sites = [] if ends is None or end_columns is None else [joint for joint in order if end_columns[joint] >= 0]
+    ends = np.zeros_like(rest) if ends is None else ends
+    end_columns = np.full(len(names), -1) if end_columns is None else end_columns
+    sites = [joint for joint in order if end_columns[joint] >= 0]
     return Frame(
         names=(*(names[joint] for joint in order), *(f"End Site of {names[joint]}" for joint in sites)),
         parents=(*(place.get(parents[joint], -1) for joint in order), *(place[joint] for joint in sites)),
-        rest=np.concatenate([rest[order], ends[sites]]) if ends is not None and sites else rest[order],
-        column=np.concatenate([columns[order], end_columns[sites]])
-        if end_columns is not None and sites
-        else columns[order],
+        rest=np.concatenate([rest[order], ends[sites]]),
+        column=np.concatenate([columns[order], end_columns[sites]]),
         rig_joints=len(order),
-        ends=ends[order] if ends is not None else np.zeros((len(order), 3)),
+        ends=ends[order],
     )

@@ -26,8 +26,6 @@ def read_trc(data: bytes, name: str) -> MeasuredPositions:
 
     Raises: InputError naming the line.
     """
-    if b"\n" not in data:
-        data = data.replace(b"\r", b"\n")
     lines = lines_of(data)
     heads = [next(lines, (0, "")) for _ in range(4)]
     facts = dict(zip(heads[1][1].split(), heads[2][1].split(), strict=False))
@@ -73,10 +71,8 @@ def _are_axes(cells: Sequence[str]) -> bool:
 def _row(cells: list[str], width: int, where: str) -> list[float]:
     if len(cells) > width and not any(cells[width:]):
         cells = cells[:width]  # tabs at the end
-    if len(cells) < width and len(cells) >= 2:
-        short = width - len(cells)
-        if short % 3 and short != width - 2:
-            raise InputError(f"{where}: {len(cells)} cells where {width} are expected.", "Is the file truncated?")
+    short = width - len(cells)
+    if short > 0 and short % 3 == 0:
         cells = cells + [""] * short  # missing places at the end
     if len(cells) != width:
         raise InputError(f"{where}: {len(cells)} cells where {width} are expected.", "Is the file truncated?")

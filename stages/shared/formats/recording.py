@@ -86,7 +86,8 @@ def recording_of(
         )  # fmt: skip
     except InputError as error:
         raise InputError(f"{name}: {error.message}", error.hint) from None
-    # A BVH is written in the axes of its header, which is made here from the rest pose; AMASS rests Y up, moves Z up.
+    # A BVH is written in the axes of its header, which is made here from the rest pose. The rest pose can have
+    # another up axis than the motion: AMASS' is Y up, and its motion Z up.
     skeleton = replace(skeleton, up_axis=rest_axis(body.rest, body.parts) or skeleton.up_axis)
     return Recording(skeleton, motion, part, [*notes, *found], list(remarks))
 

@@ -5,7 +5,7 @@ Arrays may have a leading axis of 1 (a batch of one), and a pose may be (T, J, 3
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 
@@ -28,7 +28,7 @@ POSE_NAMES = ("poses", *_PARTS, *SMPLX_NAMES)
 PLACE_NAMES = ("trans", "transl")
 
 
-def names_smplx(listed: Mapping[str, object] | set[str]) -> bool:
+def names_smplx(listed: Container[str]) -> bool:
     """Whether a file has the pose under the smplx package's names."""
     return "global_orient" in listed and "body_pose" in listed
 
@@ -56,7 +56,7 @@ def pose_vectors(arrays: Mapping[str, np.ndarray], name: str) -> tuple[np.ndarra
     if len({len(part) for part in parts.values()}) > 1:
         raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
     frames = len(parts["root_orient"])
-    if any(key in parts for key in _FACE_AND_HANDS[:2]):  # SMPL-X has a jaw, eyes and hands, or none of them
+    if "pose_jaw" in parts or "pose_eye" in parts:  # SMPL-X has a jaw, eyes and hands, or none of them
         for key in _FACE_AND_HANDS:
             parts.setdefault(key, np.zeros((frames, 3 * _PARTS[key][0][0]), parts["pose_body"].dtype))
     return np.concatenate([parts[key] for key in _PARTS if key in parts], axis=1), notes
@@ -98,7 +98,7 @@ def _parts(arrays: Mapping[str, np.ndarray], name: str) -> tuple[dict[str, np.nd
 
 
 def _rows(array: np.ndarray, joints: tuple[int, ...], where: str) -> np.ndarray:
-    """(T, 3 J) of an array of any of the shapes that hold one of the numbers of joints J."""
+    """The array as (T, 3 J), J one of `joints`. Raises InputError naming `where` if its shape is another one."""
     count = _row_joints(array, joints)
     if array.ndim < 2 or not array.size:
         raise InputError(f"{where} has no frames or no numbers.")

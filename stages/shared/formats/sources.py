@@ -102,8 +102,10 @@ def find_sources(
 
 
 def _refuse_without_recordings(text: str, suffixes: tuple[str, ...]) -> NoReturn:
-    """Raise InputError for a folder, glob or archive without recordings: of a format that is known and not read, if
-    there are files of such a format."""
+    """Raise InputError for a folder, glob or archive without recordings.
+
+    If it holds a file of a format that pumps knows and does not read, the error names the file and how to convert it.
+    """
     unread = {suffix: each for each in UNREAD for suffix in each.suffixes}
     for source in _expand(text, tuple(unread), keep_bad=True):
         found = unread.get(PurePosixPath(source.member).suffix.lower())

@@ -70,7 +70,7 @@ def _with_axis(text: str) -> Column | None:
         return None
     word = _last_word(joint)
     kind = _KINDS.get(word.lower(), PLACE)
-    if kind != PLACE or word.lower() in _KINDS:
+    if word.lower() in _KINDS:
         joint = joint[: len(joint) - len(word)].rstrip(_SEPARATORS) or joint
     if axis == "w" and kind != "quaternions":
         return None

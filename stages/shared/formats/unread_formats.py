@@ -1,6 +1,6 @@
-"""Formats of motion that pumps knows by sight and does not read: what each is called, and the way to go.
+"""Formats of motion that pumps recognises and does not read: the name of each, and how to convert it.
 
-Recognised by content first, and by suffix where the content says nothing. Nothing is unpickled to find out.
+They are recognised by content first, and by suffix if the content is unclear. No file is unpickled for this.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ _PICKLE = re.compile(rb"\x80[\x02-\x05]")
 
 @dataclass(frozen=True)
 class UnreadFormat:
-    """what: its name in an error, after "is". hint: the way to go. suffixes: lower case. looks: by a file's start."""
+    """what: its name in an error, after "is". hint: how to convert it. suffixes: lower case.
+
+    looks: whether the start of a file is that of this format.
+    """
 
     what: str
     hint: str
@@ -54,6 +57,7 @@ def _never(start: bytes) -> bool:
     return False
 
 
+_TORCH = UnreadFormat("a PyTorch file", _AS_ARRAYS, (".pt", ".pth", ".ckpt"), _starts(_LEGACY_TORCH))
 UNREAD: tuple[UnreadFormat, ...] = (
     UnreadFormat("FBX", _BY_BLENDER, (".fbx",), _starts(b"Kaydara FBX Binary", b"; FBX ")),
     UnreadFormat("VRML", _BY_BLENDER, (".wrl",), _starts(b"#VRML")),
@@ -98,18 +102,17 @@ UNREAD: tuple[UnreadFormat, ...] = (
     UnreadFormat(
         "Parquet", "Save it as CSV with columns such as Hips.x, or as .npz.", (".parquet",), _starts(b"PAR1"),
     ),
-    UnreadFormat("a PyTorch file", _AS_ARRAYS, (".pt", ".pth", ".ckpt"), _starts(_LEGACY_TORCH)),
+    _TORCH,
     UnreadFormat("a pickle of Python", _AS_ARRAYS, (".pkl", ".pickle", ".p", ".joblib"),
                  lambda start: _PICKLE.match(start) is not None),
 )  # fmt: skip
-_TORCH = next(each for each in UNREAD if each.what == "a PyTorch file")
 
 
 def unread_format(data: bytes, name: str, *, by_suffix: bool = True) -> UnreadFormat | None:
     """The format of a file that pumps does not read; None for any other file.
 
     Args:
-        by_suffix: use the suffix where the content says nothing.
+        by_suffix: use the suffix if the content is unclear.
     """
     start = data[:8192]
     for each in UNREAD:
@@ -122,7 +125,7 @@ def unread_format(data: bytes, name: str, *, by_suffix: bool = True) -> UnreadFo
 
 
 def refuse_unread(data: bytes, name: str, *, by_suffix: bool = True) -> None:
-    """Raise InputError with the way to go for a file of a format that pumps does not read."""
+    """Raise InputError that says how to convert a file of a format that pumps does not read."""
     found = unread_format(data, name, by_suffix=by_suffix)
     if found is not None:
         raise InputError(f"{name} is {found.what}; pumps does not read it.", found.hint)

@@ -151,7 +151,7 @@ def parts_of_skeleton(skeleton: Skeleton, mapped: bool = False) -> tuple[BodyPar
         except InputError:
             pass
     chains = tuple(_chain_of(skeleton, group) for group in range(len(BODY_GROUPS)))
-    return BodyParts(skeleton.groups, skeleton.root, chains, how != "shape", sure), how, sure
+    return BodyParts(skeleton.groups, skeleton.root, chains, how != "shape"), how, sure
 
 
 def _chain_of(skeleton: Skeleton, group: int) -> tuple[int, ...]:

@@ -32,7 +32,6 @@ class BodyParts:
     pelvis:  the topmost joint of the body.
     chains:  for each group the main chain of joints, from the first to the last (hand, toes, head).
     sided:   False if left and right are a guess, since no name states them.
-    sure:    0 to 1, how often bodies found as this one was are right (`stages.shared.humanoid.certainty`).
     margin:  0 to 1, of the limbs over the next best choice; None if names identify them.
     """
 
@@ -40,8 +39,12 @@ class BodyParts:
     pelvis: int
     chains: tuple[tuple[int, ...], ...]
     sided: bool
-    sure: float = 1.0
     margin: float | None = None
+
+    @property
+    def sure(self) -> float:
+        """0 to 1: how often bodies that were found in this way are right (`stages.shared.humanoid.certainty`)."""
+        return SURE_BY_NAMES if self.margin is None else sure_of_margin(self.margin)
 
     def mirrored(self) -> BodyParts:
         """The same parts with left and right swapped."""
@@ -69,7 +72,7 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
     lengths = np.linalg.norm(offsets, axis=1)
     tree = JointTree(parents, lengths, np.asarray(ends, float), [sense.part in _JUNK for sense in senses])
     limbs = _limbs_by_name(tree, senses)
-    sided, sure, margin = limbs is not None, SURE_BY_NAMES, None
+    sided, margin = limbs is not None, None
     found = _too_many_by_name(tree, senses, names)
     if limbs is None or found:
         found = found or _animal_by_name(senses, names) or find_four_limbs(tree, names)
@@ -78,14 +81,14 @@ def find_body_parts(names: tuple[str, ...], parents: np.ndarray, offsets: np.nda
                 f"The skeleton is not a humanoid that can be recognised, with two legs and two arms: it {found}.",
                 "If it is one, name the joints of its limbs with --skeleton-map, or rename them (LeftUpLeg, ...).",
             )
-        legs, arms, margin, sure = found.legs, found.arms, found.margin, sure_of_margin(found.margin)
+        legs, arms, margin = found.legs, found.arms, found.margin
         limbs = {LEFT_ARM: arms.first, RIGHT_ARM: arms.second, LEFT_LEG: legs.first, RIGHT_LEG: legs.second}
     pelvis = _pelvis_of(tree, senses, limbs)
-    return replace(parts_from_limbs(tree, senses, pelvis, limbs, sided=sided, sure=sure), margin=margin)
+    return parts_from_limbs(tree, senses, pelvis, limbs, sided=sided, margin=margin)
 
 
 def parts_from_limbs(
-    tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int], *, sided: bool, sure: float
+    tree: JointTree, senses: list[NameSense], pelvis: int, limbs: dict[int, int], *, sided: bool, margin: float | None
 ) -> BodyParts:
     """Groups and chains from the first joints of the body and of its limbs."""
     groups = np.full(len(tree.parents), NO_GROUP, np.int8)
@@ -95,7 +98,7 @@ def parts_from_limbs(
         groups[tree.subtree(joint)] = group
         chains[group] = tuple(tree.main_chain(joint, limb=True))
     chains[SPINE] = _spine_chain(tree, senses, pelvis, limbs)
-    return BodyParts(groups, pelvis, tuple(chains), sided, sure)
+    return BodyParts(groups, pelvis, tuple(chains), sided, margin)
 
 
 def _limbs_by_name(tree: JointTree, senses: list[NameSense]) -> dict[int, int] | None:

@@ -1,8 +1,9 @@
 """How often a body that was found is right, measured: the number that `pumps inspect` prints as "sure".
 
 `benchmarks/body_certainty.py` measures it on people's rigs and on creatures, half of the weight each, and prints the
-table of docs/evaluation.md, from which the shares below are copied; a test holds both against each other. A share is
-(right + 1) / (taken + 2), so that few looks never make a certainty, and never falls where the margin rises.
+table of docs/evaluation.md, from which the shares below are copied; a test compares the two. A share is
+(right + 1) / (taken + 2), so that it is below 1 even for a few bodies that are all right. Shares never fall
+where the margin rises.
 """
 
 from __future__ import annotations

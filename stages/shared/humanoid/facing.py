@@ -146,7 +146,7 @@ def ankle_of(limb: np.ndarray) -> int:
     knee = knee_of(limb)
     if limb.shape[1] - knee < 3:
         return limb.shape[1] - 1
-    off = _off_line(limb[:, knee + 1 : -1], limb[:, knee], limb[:, -1])
+    off = off_line(limb[:, knee + 1 : -1], limb[:, knee], limb[:, -1])
     return knee + 1 + int(np.linalg.norm(off, axis=-1).mean(axis=0).argmax())
 
 
@@ -195,7 +195,7 @@ def _arc(limb: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _off_line(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def off_line(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """(F, K, 3) perpendicular offsets of points (F, K, 3) from the lines from start to end (F, 3)."""
     along = _unit(end - start)[:, None]
     away = points - start[:, None]
@@ -209,7 +209,7 @@ def _bend(limb: np.ndarray, left: np.ndarray) -> np.ndarray:
     knee, ankle = knee_of(limb), ankle_of(limb)
     if ankle <= knee:
         return np.zeros(len(limb))
-    off = _off_line(limb[:, knee : knee + 1], limb[:, 0], limb[:, ankle])[:, 0]
+    off = off_line(limb[:, knee : knee + 1], limb[:, 0], limb[:, ankle])[:, 0]
     forward = np.cross(left, _unit(limb[:, 0] - limb[:, ankle]))
     return (off * forward).sum(-1) / max(_arc(limb)[ankle], 1e-9)
 

@@ -154,7 +154,7 @@ def _third_pair(tree: JointTree, pairs: list[LimbPair], legs: LimbPair, arms: Li
 
 
 def _strange_build(tree: JointTree, legs: LimbPair, arms: LimbPair) -> str:
-    """The reason, if the legs are as short beside the trunk as fins, or a tail is longer than they; else ""."""
+    """The reason, if the legs are too short for the trunk or a tail is longer than the legs; else ""."""
     line = tree.ancestors(arms.above)
     low = tree.ancestors(legs.above)
     onward = [child for child in tree.children[arms.above] if child not in (arms.first, arms.second, *low)]

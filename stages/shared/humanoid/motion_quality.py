@@ -12,6 +12,7 @@ from data_schemas.errors import InputError
 from data_schemas.quality import MotionQuality
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.bone_matching import ARMS, LEGS, bones_of
+from stages.shared.humanoid.facing import off_line
 from stages.shared.kinematics.foot_contacts import (
     detect_contacts,
     find_feet,
@@ -141,14 +142,9 @@ def _swapped(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray) -
         toes = (
             places[:, last] - places[:, ankle] + Rotation.from_quat(rotations[some, last]).apply(skeleton.tails[last])
         )
-        votes += float(((toes + _bend(*(places[:, joint] for joint in (hip, knee, ankle)))) * forward).sum(-1).mean())
+        bend = off_line(places[:, [knee]], places[:, hip], places[:, ankle])[:, 0]
+        votes += float(((toes + bend) * forward).sum(-1).mean())
     return votes < 0
-
-
-def _bend(hip: np.ndarray, knee: np.ndarray, ankle: np.ndarray) -> np.ndarray:
-    """(F, 3) from the line between hip and ankle to the knee, all (F, 3)."""
-    along = _unit(ankle - hip)
-    return (knee - hip) - ((knee - hip) * along).sum(-1, keepdims=True) * along
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -143,7 +143,7 @@ def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> s
     body = positions[:, head] - positions[:, feet].mean(axis=1)
     length = np.linalg.norm(body, axis=-1, keepdims=True)
     upward = (body / np.maximum(length, 1e-9)).mean(axis=0)
-    standing = _standing_axis(rest, feet, hips, head)
+    standing = rest_axis(rest, parts)
     if standing is None:
         return "z" if upward[2] > max(upward[1], 0.5) else "y"
     other = {"y": 2, "z": 1}[standing]
@@ -158,8 +158,8 @@ def find_up_axis(rest: np.ndarray, positions: np.ndarray, parts: BodyParts) -> s
 def standing_axis_of_poses(positions: np.ndarray, parts: BodyParts) -> str | None:
     """The axis, "y" or "z", along which a body stands: head over pelvis over feet, feet on a level floor.
 
-    A body that lies on the floor of a Z-up world, along Y, looks like one that stands in a Y-up world; it is told by
-    all of its joints being near the floor.
+    A body that lies along Y on the floor of a Z-up world looks like one that stands in a Y-up world. It is recognised
+    by its joints, which are all near the floor.
 
     Args:
         positions: (F, J, 3) joints in some poses, metres, in the file's axes.
@@ -198,12 +198,8 @@ def rest_axis(rest: np.ndarray, parts: BodyParts) -> str | None:
     """
     feet = [parts.chains[LEFT_LEG][-1], parts.chains[RIGHT_LEG][-1]]
     hips = [parts.chains[LEFT_LEG][0], parts.chains[RIGHT_LEG][0]]
-    return _standing_axis(rest, feet, hips, parts.chains[SPINE][-1])
-
-
-def _standing_axis(rest: np.ndarray, feet: list[int], hips: list[int], head: int) -> str | None:
     legs = rest[feet] - rest[hips]
-    trunk = rest[head] - rest[hips].mean(axis=0)
+    trunk = rest[parts.chains[SPINE][-1]] - rest[hips].mean(axis=0)
     sizes = np.linalg.norm(np.vstack([legs, trunk]), axis=1)
     if (sizes < 1e-9).any():
         return None

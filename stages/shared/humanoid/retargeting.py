@@ -1,9 +1,10 @@
 """Retargeting: the motion of one humanoid on another one, of which only a reference pose is known.
 
-First a common reference pose is found: of the source's poses and the target's (of each, the rest pose and frames of
-its file) the two most similar ones, whose remaining difference is then removed bone by bone. The two rest poses go
-before frames that are little more similar, because directions of bones do not show how a bone is twisted. From this
-pose on, every bone of the target turns, in the world, as the bones of the source that match it.
+First a common reference pose is found. The poses of each body are its rest pose and the frames of its file. The most
+similar pair, one pose of each body, is chosen, and its remaining difference is removed bone by bone. The two rest
+poses are chosen unless another pair is much more similar (REST_MARGIN_RAD), because the directions of bones do not
+show how a bone is twisted. From this pose on, every bone of the target turns, in the world, as the bones of the
+source that match it.
 
 Names are not used; see `stages.shared.humanoid.bone_matching`. All rotations are global, xyzw, Y up; metres.
 """
@@ -39,7 +40,7 @@ NARROW_M = 0.03  # shoulders nearer to each other than this do not determine how
 CANDIDATES = 200  # poses of each body from which the reference is chosen
 UPRIGHT = 0.5  # least cosine between trunk and up, and between legs and down, of a usable rest pose
 REST_POSE = -1  # stands for the index of a frame
-REST_MARGIN_RAD = np.radians(20)  # how much less alike than two frames the rest poses may be, and still be chosen
+REST_MARGIN_RAD = np.radians(20)  # the rest poses may be this much farther apart than the best pair
 _SAME_RIG = np.cos(np.radians(2))  # least cosine between offsets of corresponding joints of one rig
 _SAME_M = 1e-4
 
@@ -137,16 +138,15 @@ def retarget(source: Skeleton, motion: Motion, target: Skeleton, poses: Motion |
     """
     moving = _PosedBody(source, positions_of(source, motion), motion.rotations)
     pieces = {group: match_limb(source, target, group) for group in LIMBS}
-    still, anchor, frames, apart = _shared_pose(moving, target, poses, pieces)
     turns = _answers(source, target, pieces)
     if _is_same_rig(source, target):
+        still, anchor, frames, apart = _at_rest(source), _at_rest(target), (REST_POSE, REST_POSE), 0.0
         reference = {joint: Rotation.from_quat(q) for joint, q in enumerate(still.rotations[0])}
     else:
+        still, anchor, frames, apart = _shared_pose(moving, target, poses, pieces)
         reference = _reference_in_source_pose(still, anchor, pieces)
     rotations = _carried(moving, still, anchor, turns, reference)
-    carried = rotations[frames[0]]
-    if frames[0] == REST_POSE:
-        carried = _carried(still, still, anchor, turns, reference)[0]
+    carried = _carried(still, still, anchor, turns, reference)[0] if frames[0] == REST_POSE else rotations[frames[0]]
     size = size_ratio(source, target)
     centre, hips = _path(moving)
     at_origin = Motion(rotations.astype(np.float32), np.zeros((motion.frames, 3), np.float32), motion.fps)
@@ -181,26 +181,26 @@ def is_human_pose(skeleton: Skeleton, pose: Motion) -> bool:
     return bool(spine[1] > UPRIGHT and (legs[:, 1] < -UPRIGHT).all())
 
 
+def _at_rest(skeleton: Skeleton) -> _PosedBody:
+    rest = rest_pose(skeleton)
+    return _PosedBody(skeleton, positions_of(skeleton, rest), rest.rotations)
+
+
 def _shared_pose(
     moving: _PosedBody, target: Skeleton, poses: Motion | None, pieces: dict[int, tuple[Piece, ...]]
 ) -> tuple[_PosedBody, _PosedBody, tuple[int, int], float]:
-    """The pose that stands for the same in both bodies.
+    """One pose of each body that are taken for the same pose.
 
     Returns: the source and the target, each in one pose; their frames, REST_POSE for a rest pose; the mean angle
         between their limbs, which is still to be removed.
     Raises: InputError if the target has no pose to start from.
     """
-    source = moving.skeleton
-    if _is_same_rig(source, target):
-        same = [_PosedBody(body, positions_of(body, rest), rest.rotations) for body in (source, target)
-                for rest in [rest_pose(body)]]  # fmt: skip
-        return same[0], same[1], (REST_POSE, REST_POSE), 0.0
     models, names = _reference_poses(target, poses)
     frame, model, apart = _most_alike(moving, models, pieces)
     still, which = moving.at(frame), frame
-    rest = rest_pose(source)
-    if names[0] == REST_POSE and is_human_pose(source, rest):
-        resting = _PosedBody(source, positions_of(source, rest), rest.rotations)
+    source = moving.skeleton
+    if names[0] == REST_POSE and is_human_pose(source, rest_pose(source)):
+        resting = _at_rest(source)
         _, _, rests_apart = _most_alike(resting, models.at(0), pieces)
         if rests_apart <= apart + REST_MARGIN_RAD:
             still, which, model, apart = resting, REST_POSE, 0, rests_apart

@@ -80,9 +80,11 @@ def build_bounded(
             hook.remove()
 
 
-def whole_setting(config: Mapping[str, Any], name: str, most: int, path: object) -> int:
-    """The whole number `name` of a checkpoint's config. Raises InputError if it is not one of 0 to `most`."""
+def whole_setting(config: Mapping[str, Any], name: str, most: int, path: object, *, least: int = 1) -> int:
+    """The whole number `name` of a checkpoint's config. Raises InputError if it is not one of `least` to `most`."""
     value = config.get(name)
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
-        raise InputError(f"{path} is damaged: its {name} is {str(value)[:40]}, not a number up to {most}.", _MEND)
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+        raise InputError(
+            f"{path} is damaged: its {name} is {str(value)[:40]}, not a number from {least} to {most}.", _MEND
+        )
     return value

@@ -6,8 +6,9 @@ nothing at every key; and no foot comes lower than the lowest does in the known 
 foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its direction, the pelvis its
 place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
 
-A held foot must not cost a pop. Where a leg would turn faster or accelerate more than both legs of the filled motion
-do in the same gap, and more than a calm motion does, its shift is made smaller until it does not (`_eased`).
+Holding a foot must not cause a pop. `_eased` reduces the shift of a leg that turns or accelerates too much. The limit
+is the larger of two values, times `MORE`: the most that either leg of the filled motion does in the same gap, and the
+values of a calm motion (`CALM_DEG_PER_S`, `CALM_MPS2`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from scipy.ndimage import maximum_filter1d
 from torch import Tensor
 
 from stages.shared.kinematics.foot_contacts import (
+    HEIGHT_SHARE,
     SPEED_SHARE,
     Feet,
     contact_speeds,
@@ -38,15 +40,18 @@ from stages.shared.solve.smoothing import smooth_corrections
 SMOOTH_S, LOOSE = 0.06, 0.005
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
-LOW_SHARE = 0.06  # of the leg: a filled foot is low up to this height above its floor level
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
 NOISE_M = 0.004  # how closely a foot meets its place
 OPEN_RAD = 0.5  # how far a leg's joint may turn about an axis about which the keys do not turn it
 # A leg may turn and accelerate so much, whatever the filled motion does: degrees a second, metres a second squared.
 CALM_DEG_PER_S, CALM_MPS2 = 300.0, 25.0
-MORE = 1.25  # both limits, times this, are not too much
+MORE = 1.25  # factor on both limits
 FLOOR_ROUNDS = 3
-LET_GO, ROUNDS, NEAR_S = 0.6, 8, 0.2  # what is left of a stand's shift in each round, near what is too much
+LET_GO, ROUNDS, NEAR_S = (
+    0.6,
+    8,
+    0.2,
+)  # share of a shift that a round keeps; rounds until it is 0; seconds around
 
 
 @dataclass(frozen=True)
@@ -67,10 +72,10 @@ class _Leg:
 def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:
     """Hold standing feet in the frames that are not known.
 
+    A leg without a joint above its first contact joint cannot be moved, and stays as it is.
+
     Args:
         pose: T frames, filled, `fps` a second. known: (T,) bool; known frames come back value for value.
-
-    A leg without a joint above its first contact joint cannot be moved, and stays as it is.
 
     Raises: InputError where the skeleton has no two legs.
     """
@@ -100,8 +105,8 @@ def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarr
     speeds = contact_speeds(positions, feet, fps)
     fastest = maximum_filter1d(speeds, 2 * round(FASTEST_WITHIN_S * fps) + 1, axis=0)
     slow = np.clip(SLOW_SHARE * fastest, SPEED_SHARE * feet.leg_m, SLOW_AT_MOST * feet.leg_m)
-    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow, low_share=LOW_SHARE)
-    low = positions[:, feet.joints, 1] - levels <= LOW_SHARE * feet.leg_m
+    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow)
+    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
     keys = np.flatnonzero(known)
     for first, last in pairwise(keys):
         if last - first < 2:
@@ -265,8 +270,8 @@ def _motion_of(leg: _Leg, turns: np.ndarray, fps: float) -> np.ndarray:
 
 
 def _limits(loose: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
-    """(2, T) how much is not too much: the most that the legs do by themselves in a gap and at its keys, or what is
-    calm. Of (2, T) `loose` as `_motion_of` gives it."""
+    """(2, T) limits of `_motion_of`: the legs' own maximum in each gap and at its keys, but at least that of a calm
+    motion, times `MORE`. loose: (2, T) `_motion_of` without turns."""
     limits = np.maximum(loose, np.array([[CALM_DEG_PER_S], [CALM_MPS2]]))
     for gap in _runs(~known):
         around = slice(max(gap[0] - 1, 0), gap[-1] + 2)

@@ -77,7 +77,7 @@ class Autoencoder:
         with torch.inference_mode():
             for some in batches_of(spans):
                 made = self.decoder(
-                    *(_rows(part, some) for part in (latents, centroids, times.float())),
+                    *(rows_of(part, some) for part in (latents, centroids, times.float())),
                     groups.expand(len(some), -1),
                     noise.expand(len(some), *noise.shape),
                 )
@@ -165,9 +165,9 @@ class Models:
         with torch.inference_mode():
             for some in batches_of(spans):
                 made = self.synthesiser(
-                    *(_rows(part, some) for part in (latents, centroids, known, times.float())),
+                    *(rows_of(part, some) for part in (latents, centroids, known, times.float())),
                     None,
-                    None if base is None else (_rows(base[0], some), _rows(base[1], some)),
+                    None if base is None else (rows_of(base[0], some), rows_of(base[1], some)),
                 )
                 for number, span in enumerate(some):
                     inner = slice(span.start - span.first, span.stop - span.first)
@@ -201,7 +201,7 @@ def batches_of(spans: Sequence[Span], most: int = WINDOWS_AT_ONCE) -> Iterator[l
         yield some
 
 
-def _rows(values: Tensor, spans: Sequence[Span]) -> Tensor:
+def rows_of(values: Tensor, spans: Sequence[Span]) -> Tensor:
     """What each window reads of a clip's values (T, ...): (windows, frames, ...)."""
     return torch.stack([values[span.first : span.last] for span in spans])
 
@@ -302,7 +302,7 @@ def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: 
         autoencoder,
         synthesiser.to(autoencoder.device).eval(),
         whole_setting(kept.config, "window", MOST_WINDOW, lms),
-        whole_setting(kept.config, "longest_gap", MOST_WINDOW, lms),
+        whole_setting(kept.config, "longest_gap", MOST_WINDOW, lms, least=0),
         tuple(artefact.manifest.licences),
         last_sentence(kept.trainings),
         str(name_or_path),

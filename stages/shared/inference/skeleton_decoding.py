@@ -15,7 +15,7 @@ from data_schemas.manifest import open_artefact
 from data_schemas.skeleton import Motion
 from data_schemas.trainings import last_sentence
 from stages.shared.inference.bounded_network import MOST_POINTS, MOST_WINDOW, build_bounded, whole_setting
-from stages.shared.inference.models import load_state, overlapping_windows
+from stages.shared.inference.models import Span, batches_of, load_state, overlapping_windows, rows_of
 from stages.shared.kinematics.conventions import GROUPS, MODEL_FPS
 from stages.shared.kinematics.rotations import aligned_signs, unit
 from stages.shared.networks.layers.device import choose_device
@@ -28,7 +28,7 @@ from stages.shared.solve.solving import SolveOptions, solve_pose
 
 # The network's pose is right to a few centimetres, and the points have no error of their own.
 FROM_NETWORK = SolveOptions(point_noise_m=0.03, turn_prior_rad=0.3, shift_prior_m=0.1)
-_WINDOWS_AT_ONCE, _FRAMES_AT_ONCE = 16, 512  # windows in one call: enough to be fast, few enough to stay in memory
+_FRAMES_AT_ONCE = 512  # clouds encoded in one call
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,12 @@ class RigNetwork:
         times = torch.arange(self.window, device=self.device).unsqueeze(0) * (MODEL_FPS / fps)
         with torch.inference_mode():
             seen = self._see(points, groups.long())
-            plan = list(overlapping_windows(frames, self.window))
-            for first in range(0, len(plan), _WINDOWS_AT_ONCE):
-                some = plan[first : first + _WINDOWS_AT_ONCE]
-                part = Seen(*(torch.stack([each[start:stop] for start, stop, _ in some]) for each in seen))
+            plan = overlapping_windows(frames, self.window)
+            for some in batches_of([Span(start, stop, start, stop, fade) for start, stop, fade in plan]):
+                part = Seen(*(rows_of(each, some) for each in seen))
                 length = part.yaw.shape[1]  # all windows of a clip are equally long
                 pose = self.network.pose(part, times[:, :length])
-                for row, (start, stop, fade) in enumerate(some):
+                for row, (_, _, start, stop, fade) in enumerate(some):
                     turned = aligned_signs(pose.rotations[row].cpu(), turns[start:stop])
                     pelvis[start:stop] += fade[:, None] * pose.heads[row, :, 0].cpu()
                     turns[start:stop] += fade[:, None, None] * turned

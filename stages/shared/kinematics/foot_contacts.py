@@ -83,7 +83,8 @@ def limb_joints(skeleton: Skeleton, feet: Feet) -> np.ndarray:
     """(2, 3) hip, knee and ankle of each leg, in the order of `LEGS`, index into the skeleton.
 
     The ankle is the leg's first contact joint. The knee is the joint above it that parts the leg most evenly, so that
-    a hip of several joints, or a twist joint, is none. A leg with no joint between hip and ankle has its hip twice.
+    a twist joint, or a joint of a hip of several joints, is not taken for it. A leg with no joint between hip and
+    ankle has its hip twice.
     """
     lengths = np.linalg.norm(skeleton.offsets, axis=1)
     found = np.empty((len(feet.chains), 3), np.int64)
@@ -146,7 +147,6 @@ def detect_contacts(
     known: np.ndarray | None = None,
     levels: np.ndarray | None = None,
     slow_mps: np.ndarray | None = None,
-    low_share: float = HEIGHT_SHARE,
 ) -> np.ndarray:
     """Which contact joints stand in which frames, (T, F) bool, by the definition above.
 
@@ -155,11 +155,10 @@ def detect_contacts(
         known: (T,) bool, the frames that the floor's level is taken from; None for all.
         levels: (F,) the floor's levels, where they are known already.
         slow_mps: (T, F) the speed up to which a joint is slow, where it is not `SPEED_SHARE` legs a second.
-        low_share: of the leg, the height up to which a joint is low.
     """
     levels = floor_levels(positions, feet, known) if levels is None else levels
     slow_mps = np.array(SPEED_SHARE * feet.leg_m) if slow_mps is None else slow_mps
-    low = positions[:, feet.joints, 1] - levels <= low_share * feet.leg_m
+    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
     slow = contact_speeds(positions, feet, fps) <= slow_mps
     least = max(round(LEAST_S * fps), 1)
     filled = ~_long_runs(~(low & slow), least)

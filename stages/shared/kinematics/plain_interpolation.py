@@ -282,8 +282,8 @@ def _towards_slerp(
     """Control turns of each segment for which the middle one is at most `MOST_MIDDLE_RAD`.
 
     Slerp's three control turns are each a third of the step. Where the outer two differ from it by a and b, the
-    middle one is at most |step| / 3 + |a| + |b|. Where that is too much, a and b are shortened by one factor, so that
-    of a turn about one axis the curve's distance from slerp shrinks by that factor everywhere.
+    middle one is at most |step| / 3 + |a| + |b|. If that exceeds the limit, a and b are multiplied by one
+    factor. For a rotation about one axis, this multiplies the curve's distance from slerp by the same factor.
 
     Args:
         outward, inward: (K-1, J, 3) rotation vectors after the first and before the second key, radians.

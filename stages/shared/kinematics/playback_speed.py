@@ -6,8 +6,8 @@ features, all logarithms and without unit, go into a quadratic regression of log
 recordings played at half, their own and twice their speed (docs/log.md, 2026-11-28); docs/formats.md says how often
 it is right. It is a hint and no proof: slow styles exist, and so do fast ones.
 
-A body that stays in its place says nothing: a bow may take one second or three, a hand may wave once or four times a
-second. Only a body that carries itself along is timed by gravity, so that only its speed makes a rate suspicious.
+The rate of a body that stays in place cannot be judged: a bow may take one second or three. Gravity sets the pace
+only of a body that travels, so only clips with travel are flagged.
 """
 
 from __future__ import annotations
@@ -37,20 +37,8 @@ WEIGHTS = np.array(
 )
 
 
-def log_speed(skeleton: Skeleton, positions: np.ndarray, fps: float) -> float | None:
-    """log2 of the speed at which the motion seems to be played: 0 is right, 1 twice too fast, -1 half as fast.
-
-    Args:
-        positions: (T, J, 3) joints in the world, metres, Y up.
-
-    Returns: None for a clip shorter than a second, one that stands still, or a figure without legs.
-    """
-    features = speed_features(skeleton, positions, fps)
-    return None if features is None else speed_of(features)
-
-
 def speed_of(features: np.ndarray) -> float:
-    """`log_speed` of the features (6,) of a clip."""
+    """log2 of the speed at which a clip seems to be played, from its features (6,): 0 is right, 1 twice too fast."""
     return float(design(features[None])[0] @ WEIGHTS)
 
 
@@ -60,7 +48,13 @@ def rate_is_suspect(features: np.ndarray) -> bool:
 
 
 def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.ndarray | None:
-    """(6,) what the regression looks at; None where there is nothing to see."""
+    """(6,) the inputs of the regression.
+
+    Args:
+        positions: (T, J, 3) joints in the world, metres, Y up.
+
+    Returns: None for a clip shorter than a second, one that stands still, or a body without legs.
+    """
     positions = positions[: int(LONGEST_S * fps)].astype(np.float64)
     try:
         leg = find_feet(skeleton).leg_m

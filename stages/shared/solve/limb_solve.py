@@ -4,11 +4,12 @@ The unknowns are a rotation vector for every joint of the limb and frame, in the
 rotation. Their cost, with e the limb's end, s the shift that is wanted of it and P the joints' turn prior
 (`stages.shared.solve.key_prior`), which keeps a hinge on its axis:
 
-    sum over t of |e(t) - e_base(t) - s(t)|^2 / noise^2 + turn' P turn + span^4 turn'' ' P turn''
+    sum over t of |e(t) - e_base(t) - s(t)|^2 / noise^2 + turn' P turn + span^4 (turn'')' P turn''
 
 The last term bounds how fast corrections come and go, also where a straight limb would have the turns leap. Frames
-are solved together by Gauss-Newton. The matrix is banded, so that the cost grows with the number of frames. Before,
-the wanted places are drawn in to where the limb is not yet straight (`within_reach`).
+are solved together by Gauss-Newton. The matrix is banded, so that the cost grows with the number of frames. Before
+the solve, `within_reach` moves places that the limb cannot reach, or reaches only when straight, towards its first
+joint.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ from scipy.linalg import solveh_banded
 from stages.shared.kinematics.rotations import from_turn_vectors, multiply, rotate
 
 PINNED = 1e9  # precision of turns that must stay zero
-REACH, SOFT = 0.995, 0.02  # shares of a limb's length: as far as it is stretched, and where drawing in begins before
+REACH, SOFT = (
+    0.995,
+    0.02,
+)  # of a limb's length: the farthest place, and the length before it over which places move in
 SMALL = 1e-9
 
 
@@ -54,8 +58,9 @@ class Limb:
 def within_reach(limb: Limb, ends: np.ndarray) -> np.ndarray:
     """Places (T, 3) of a limb's end, drawn towards its first joint as far as they would straighten it.
 
-    The limb may reach up to `REACH` of its length, or as far as it reaches by itself; within `SOFT` before that
-    a place gives way more and more, so that the limb slows down before it stops.
+    The limb may reach up to `REACH` of its length, or as far as it reaches by itself. Over
+    the last `SOFT` of its length before that, places are moved in more and more, so that the limb slows down before
+    it stops.
     """
     length = np.linalg.norm(limb.offsets, axis=-1).sum(1)
     own = np.linalg.norm(limb.turned(np.zeros(limb.offsets.shape))[2] - limb.top, axis=-1)
@@ -87,7 +92,7 @@ def solve_limb(
         shifts: (T, 3) wanted of the end in the world, metres.
         prior: (n, 3, 3) precision of the turns, 1 / radians^2.
         pinned: (T,) bool, frames in which the limb stays as it is.
-        noise_m: how nearly the wanted place is to be met, metres.
+        noise_m: expected distance of the end from its place, metres.
         span: frames over which corrections come and go.
     """
     frames, joints = limb.local.shape[:2]

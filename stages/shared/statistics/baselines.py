@@ -38,7 +38,7 @@ class Poses:
     """B windows of T frames on one skeleton, float32.
 
     rotations: (B, T, J, 4) global; roots: (B, T, 3) of joint 0; offsets: (B, T, J, 3); parents: (J,);
-    positions: (B, T, J, 3), the joints in the world; pelvis: its joint.
+    positions: (B, T, J, 3), the joints in the world; pelvis: index of the pelvis joint.
     """
 
     rotations: Tensor

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from data_schemas.metrics import MetricRow
+from stages.shared.statistics.feel_pops import JOLT_SHARE, TWIST_DEG, TWIST_SHARE
+from stages.shared.statistics.feel_tables import ASIDE
 from stages.shared.statistics.measurements import first_frame_of
 from stages.shared.statistics.table import Entry, Row, Table
 from stages.shared.statistics.tables import ALL, aligned
@@ -19,12 +21,12 @@ WORST = {
     "crossing_frames": "shins crossed (frames)",
     "floating_mm": "feet above the floor (mm)",
 }
-ASIDE = ("lerp", "cubic")
 LEGEND = (
-    "Pops: the share of windows that twist (a joint turns more than 30 degrees in a frame and 1.5 times as far as "
-    "any does in the true window) or jolt (a joint accelerates more than twice as much as any does in the true "
-    "window); then, for each figure, its largest value in any window, with the clip and the window's first frame at "
-    "30 frames a second. The truth's row has the true motion's own figures."
+    f"Pops: the share of windows that twist (a joint turns more than {TWIST_DEG:g} degrees in a frame and "
+    f"{TWIST_SHARE:g} times as far as any does in the true window) or jolt (a joint accelerates more than "
+    f"{JOLT_SHARE:g} times as much as any does in the true window); then, for each figure, its largest value in any "
+    "window, with the clip and the window's first frame at 30 frames a second. The truth's row has the true motion's "
+    "own figures."
 )
 
 

@@ -8,8 +8,9 @@ import pytest
 from data_schemas.errors import InputError
 from data_schemas.motion import skeleton_id
 from data_schemas.notes import Flag
+from stages.shared.formats.bvh_header import parse_header
 from stages.shared.formats.bvh_motion import read_bvh_motion
-from stages.shared.formats.bvh_of_motion import bvh_of_motion
+from stages.shared.formats.bvh_of_motion import bvh_of_motion, with_places
 from stages.shared.formats.gltf_motion import read_gltf
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.humanoid.reference_pose import find_unit
@@ -93,3 +94,15 @@ def test_still_nodes_at_the_ends_of_chains_are_joints_too() -> None:
 def test_a_size_that_no_unit_explains_is_refused(stature: float) -> None:
     with pytest.raises(InputError, match="not a body in any unit"):
         find_unit(stature)
+
+
+def test_position_channels_go_to_their_joint_past_joints_without_channels() -> None:
+    """A joint that turns about no axis has `CHANNELS 0`; channels that are added must not slip to another joint."""
+    header = (
+        "HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
+        "JOINT B\n{\nOFFSET 0 1 0\nCHANNELS 0\nJOINT C\n{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
+        "JOINT D\n{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
+        "End Site\n{\nOFFSET 0 1 0\n}\n}\n}\n}\n}\n"
+    )
+    joints = {joint.name: joint.channels for joint in parse_header(with_places(header, {2}))}
+    assert joints["C"][:3] == ("Xposition", "Yposition", "Zposition") and len(joints["D"]) == 3

@@ -17,7 +17,7 @@ from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.humanoid import motion_quality
 from stages.shared.humanoid.retargeting import rest_pose
 from stages.shared.kinematics.forward import positions_of
-from stages.shared.kinematics.playback_speed import log_speed
+from stages.shared.kinematics.playback_speed import speed_features, speed_of
 
 CLIPS = Path(stages.shared.clips.__file__).parent
 
@@ -114,16 +114,16 @@ def test_sliding_and_sinking_feet_are_measured(walk):
 def test_the_faster_a_clip_is_played_the_faster_it_seems(name: str):
     skeleton, motion, _ = motion_of(read_bvh((CLIPS / f"{name}.bvh").read_bytes(), name))
     positions = positions_of(skeleton, motion)
-    seems = [log_speed(skeleton, positions, motion.fps * factor) for factor in (0.5, 1, 2)]
-    assert all(seen is not None for seen in seems)
-    assert seems[0] < seems[1] < seems[2]
+    found = [speed_features(skeleton, positions, motion.fps * factor) for factor in (0.5, 1, 2)]
+    seems = [speed_of(features) for features in found if features is not None]
+    assert len(seems) == 3 and seems[0] < seems[1] < seems[2]
 
 
 def test_too_little_to_see_is_said(walk):
     skeleton, motion = walk
     positions = positions_of(skeleton, motion)
-    assert log_speed(skeleton, positions[:10], motion.fps) is None
-    assert log_speed(skeleton, np.repeat(positions[:1], 60, axis=0), motion.fps) is None
+    assert speed_features(skeleton, positions[:10], motion.fps) is None
+    assert speed_features(skeleton, np.repeat(positions[:1], 60, axis=0), motion.fps) is None
     one = measure_quality(skeleton, replace(motion, rotations=motion.rotations[:1],
                                             root_positions=motion.root_positions[:1]))  # fmt: skip
     assert one.speed_log2 is None and not one.wrong_rate
