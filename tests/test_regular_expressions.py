@@ -9,7 +9,7 @@ import pytest
 from tests.docs.pages import ROOT
 from tests.regular_expressions import expressions_of, faults_of
 
-PACKAGES = ("data_schemas", "stages", "pumps", "pumps_cli", "benchmarks", "fuzz")
+PACKAGES = ("data_schemas", "stages", "pumps", "pumps_cli", "benchmarks")
 NESTED, BESIDE, SEARCHED = "inside another", "side by side", "a search begins"
 
 

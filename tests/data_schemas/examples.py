@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -81,3 +83,11 @@ def write_text_artefact(path: Path, text: str, kind: str = "metrics", **given) -
         (draft.folder / "summary.md").write_text(text, encoding="utf-8")
         (draft.folder / "copy.md").write_text(text, encoding="utf-8")
     return open_artefact(path)
+
+
+def peak_mb(*, reset: bool = False) -> float:
+    """Peak memory of this process in MB, with `reset` since now, where the system can forget an older peak."""
+    if reset:
+        with suppress(OSError):
+            Path("/proc/self/clear_refs").write_text("5")
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000

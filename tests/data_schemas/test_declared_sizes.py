@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from dataclasses import asdict
 from pathlib import Path
 
@@ -18,13 +17,9 @@ from data_schemas.declared_sizes import read_table
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader, MotionWriter
 from data_schemas.skeleton import Motion
-from tests.data_schemas.examples import a_row, a_skeleton, write_motion
+from tests.data_schemas.examples import a_row, a_skeleton, peak_mb, write_motion
 
 MILLIONS = 5_000_000
-
-
-def _peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
 
 
 def _declare_frames(path: Path, **made: object) -> None:
@@ -51,10 +46,10 @@ def _skeleton_of(path: Path) -> str:
 @pytest.mark.parametrize("made", [{}, {"compression": "lzf"}, {"compression": "gzip", "compression_opts": 9}])
 def test_frames_that_are_not_stored(tmp_path, made):
     _declare_frames(tmp_path / "m", **made)
-    before = _peak_mb()
+    before = peak_mb(reset=True)
     with MotionReader(tmp_path / "m") as reader, pytest.raises(InputError, match=r"declares 240 MB, but 0\.0"):
         reader.motion("walk")
-    assert _peak_mb() - before < 50
+    assert peak_mb() - before < 50
 
 
 def test_frames_that_are_stored_are_read_however_well_they_compress(tmp_path):
@@ -80,10 +75,10 @@ def _rows(count: int, **columns: list) -> pa.Table:
 
 def test_rows_that_repeat(tmp_path):
     pq.write_table(_rows(2_000_000), tmp_path / "clips.parquet", compression="zstd")
-    before = _peak_mb()
+    before = peak_mb(reset=True)
     with pytest.raises(InputError, match="declares 2000000 rows"):
         read_clips(tmp_path)
-    assert _peak_mb() - before < 50
+    assert peak_mb() - before < 50
 
 
 def test_rows_of_one_name_are_refused_before_they_are_made(tmp_path):
@@ -95,10 +90,10 @@ def test_rows_of_one_name_are_refused_before_they_are_made(tmp_path):
 def test_one_long_text_in_every_row(tmp_path):
     dictionary = pa.DictionaryArray.from_arrays(np.zeros(5_000, np.int32), pa.array(["a" * 1_000_000]))
     pq.write_table(pa.table({"reason": dictionary}), tmp_path / "t.parquet", compression="zstd", store_schema=False)
-    before = _peak_mb()
+    before = peak_mb(reset=True)
     with pytest.raises(ValueError, match="texts would take 5000 MB"):
         read_table(tmp_path / "t.parquet")
-    assert _peak_mb() - before < 100
+    assert peak_mb() - before < 100
 
 
 def test_real_indexes_are_read_as_they_were_written(tmp_path):

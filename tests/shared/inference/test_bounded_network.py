@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import resource
 
 import pytest
 
 from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from stages.shared.inference.models import load_autoencoder, load_weights
+from tests.data_schemas.examples import peak_mb
 from tests.shared.inference.examples import write_random_weights
 
 CHANGES = [
@@ -45,14 +45,14 @@ def test_sizes_beyond_the_weights_are_refused(weights, part, keys, value):
         where = where[key]
     where[keys[-1]] = value
     path.write_text(json.dumps(config))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = peak_mb(reset=True)
     try:
         with pytest.raises(InputError, match="is damaged") as caught:
             load_weights(weights)
     finally:
         path.write_text(before)
     assert len(str(caught.value)) < 600 and "\n" not in str(caught.value)
-    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak) / 1000 < 200
+    assert peak_mb() - peak < 200
 
 
 def test_the_weights_themselves_are_loaded(weights):
