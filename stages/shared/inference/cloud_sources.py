@@ -8,7 +8,7 @@ times; they do not get the bone that a point was drawn on.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -18,8 +18,9 @@ from torch import Tensor
 
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.inference.clouds import place_on_pose
+from stages.shared.inference.clouds import BLOCK_TOKENS, place_on_pose
 from stages.shared.inference.confidence import Confidence
+from stages.shared.inference.models import Span, reach_of, touching
 from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MIRRORED_GROUP, MODEL_FPS
 from stages.shared.kinematics.plain_interpolation import Glide
@@ -42,8 +43,20 @@ class CloudAutoencoder(Protocol):
         """(T, P, 3) and (P,) to latents (T, D) and centroids (T, 3)."""
         ...
 
-    def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
-        """(T, D), (T, 3), (T,), (P,), (P, Z) to points (T, P, 3)."""
+    def spans(self, frames: int) -> list[Span]:
+        """The windows in which a clip of so many frames is decoded."""
+        ...
+
+    def decode(
+        self,
+        latents: Tensor,
+        centroids: Tensor,
+        times: Tensor,
+        groups: Tensor,
+        noise: Tensor,
+        spans: Sequence[Span] | None = None,
+    ) -> Tensor:
+        """(T, D), (T, 3), (T,), (P,), (P, Z) to points (T, P, 3), in these windows."""
         ...
 
     def draw_noise(self, points: int, seed: int) -> Tensor:
@@ -67,11 +80,21 @@ class CloudModels(Protocol):
         """How the plain interpolation that they were trained on continues beyond the keys, seconds."""
         ...
 
+    def spans(self, known: Tensor) -> list[Span]:
+        """The windows in which a clip with these keys, (T,) bool, is filled."""
+        ...
+
     def synthesise(
-        self, latents: Tensor, centroids: Tensor, known: Tensor, times: Tensor, base: tuple[Tensor, Tensor] | None
+        self,
+        latents: Tensor,
+        centroids: Tensor,
+        known: Tensor,
+        times: Tensor,
+        base: tuple[Tensor, Tensor] | None,
+        spans: Sequence[Span] | None = None,
     ) -> tuple[Tensor, Tensor]:
-        """Latents and centroids (read in known frames only), (T,) True for keys, and latents and centroids of the
-        plain interpolation."""
+        """Latents and centroids (read in known frames only), (T,) True for keys, latents and centroids of the plain
+        interpolation, and windows in these frames."""
         ...
 
 
@@ -126,17 +149,25 @@ class Drawing(NamedTuple):
     seed: int
 
 
-class Clouds(NamedTuple):
-    """Target positions of points, positions of the same points on the base, and the bones they are bound to.
+Pair = tuple[Tensor, Tensor]  # latents (n, D) and centroids (n, 3), metres
 
-    points:    (N, P, 3) metres.
-    reference: (N, P, 3), or None if it equals the bound points on the base.
-    binding:   the points' bones, found from positions and groups alone.
+
+class Clouds(NamedTuple):
+    """The bones that points are bound to, and the points' positions, which are made when they are asked for.
+
+    binding: the points' bones, found from positions and groups alone.
+    at:      first and last (excluded) token and (last - first,) bool, those that are needed -> target positions
+             (last - first, P, 3), metres, and positions of the same points on the base, or None if these equal the
+             bound points on the base. What stands in tokens that are not needed means nothing.
     """
 
-    points: Tensor
-    reference: Tensor | None
     binding: Binding
+    at: Callable[[int, int, np.ndarray], tuple[Tensor, Tensor | None]]
+
+
+# A view's number, first and last (excluded) token, and whether better latents are wanted -> those of the target
+# (without them, anything) and those of the base.
+LatentsOf = Callable[[int, int, int, bool], tuple[Pair, Pair]]
 
 
 class CloudSource(Protocol):
@@ -179,10 +210,23 @@ class SynthesisedClouds:
 
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
         coder = self.models.autoencoder
-        seen = _views(coder, scene, drawing)
-        plain = [view.encode(coder, scene.base, drawn, scene.skeleton) for view, drawn in seen]
-        better = [self.models.synthesise(*each, scene.is_key, scene.times, each) for each in plain]
-        return _decoded(coder, scene, drawing, [view for view, _ in seen], better, plain)
+        seen, is_key, times = _views(coder, scene, drawing), scene.is_key, scene.times
+        windows = [
+            span for span in self.models.spans(is_key) if not scene.tokens.is_key[span.start : span.stop].all()
+        ]
+
+        def latents_of(number: int, first: int, last: int, better: bool) -> tuple[Pair, Pair]:
+            some = touching(windows, first, last) if better else []
+            low, high = reach_of(some, first, last)
+            plain = _encoded(coder, scene.base, *seen[number], low, high)
+            made = plain
+            if some:
+                own = [span.moved(-low) for span in some]
+                made = self.models.synthesise(*plain, is_key[low:high], times[low:high], plain, own)
+            inner = slice(first - low, last - low)
+            return (made[0][inner], made[1][inner]), (plain[0][inner], plain[1][inner])
+
+        return _decoded(coder, scene, drawing, [view for view, _ in seen], latents_of)
 
 
 @dataclass(frozen=True)
@@ -201,10 +245,12 @@ class ReconstructedClouds:
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
         coder, truth = self.models.autoencoder, scene.pose_of(self.truth)
         seen = _views(coder, scene, drawing)
-        plain, better = (
-            [view.encode(coder, pose, drawn, scene.skeleton) for view, drawn in seen] for pose in (scene.base, truth)
-        )
-        return _decoded(coder, scene, drawing, [view for view, _ in seen], better, plain)
+
+        def latents_of(number: int, first: int, last: int, better: bool) -> tuple[Pair, Pair]:
+            plain = _encoded(coder, scene.base, *seen[number], first, last)
+            return (_encoded(coder, truth, *seen[number], first, last) if better else plain), plain
+
+        return _decoded(coder, scene, drawing, [view for view, _ in seen], latents_of)
 
 
 @dataclass(frozen=True)
@@ -217,11 +263,15 @@ class TrueClouds:
     confidence: Confidence | None = None
 
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
-        drawn = _followed(scene, drawing)
-        points = place_on_pose(drawn, scene.pose_of(self.truth), scene.skeleton)
+        drawn, truth = _followed(scene, drawing), scene.pose_of(self.truth)
         keys = scene.is_key
-        binding = bind_points(points[keys], drawn.groups, scene.skeleton, *scene.base.rows(keys).world())
-        return Clouds(points, None, binding)
+        points = place_on_pose(drawn, truth.rows(keys), scene.skeleton)
+        binding = bind_points(points, drawn.groups, scene.skeleton, *scene.base.rows(keys).world())
+
+        def points_at(first: int, last: int, needed: np.ndarray) -> tuple[Tensor, None]:
+            return place_on_pose(drawn, truth.rows(slice(first, last)), scene.skeleton), None
+
+        return Clouds(binding, points_at)
 
 
 @dataclass(frozen=True)
@@ -248,12 +298,15 @@ class GivenLatents:
                 f"at {len(scene.tokens.times)} times.",
                 f"Give one latent for each frame of a motion at {MODEL_FPS:g} fps.",
             )
-        coder = self.autoencoder
+        coder, still = self.autoencoder, View(0.0, False)
         draws = [drawn for _, drawn in _views(coder, scene, drawing)]
-        each = [coder.encode(place_on_pose(drawn, scene.base, scene.skeleton), drawn.groups) for drawn in draws]
-        latents, centroids = (torch.stack(parts).mean(0) for parts in zip(*each, strict=True))
-        given = (self.latents, self.centroids)
-        return _decoded(coder, scene, drawing, [View(0.0, False)], [given], [(latents, centroids)])
+
+        def latents_of(number: int, first: int, last: int, better: bool) -> tuple[Pair, Pair]:
+            each = [_encoded(coder, scene.base, still, drawn, first, last) for drawn in draws]
+            latents, centroids = (torch.stack(parts).mean(0) for parts in zip(*each, strict=True))
+            return (self.latents[first:last], self.centroids[first:last]), (latents, centroids)
+
+        return _decoded(coder, scene, drawing, [still], latents_of)
 
 
 class View(NamedTuple):
@@ -274,10 +327,16 @@ class View(NamedTuple):
         return coder.encode(self._sided(points), self.groups(drawn.groups))
 
     def decode(
-        self, coder: CloudAutoencoder, given: tuple[Tensor, Tensor], times: Tensor, groups: Tensor, noise: Tensor
+        self,
+        coder: CloudAutoencoder,
+        given: tuple[Tensor, Tensor],
+        times: Tensor,
+        groups: Tensor,
+        noise: Tensor,
+        spans: Sequence[Span] | None = None,
     ) -> Tensor:
-        """Points (T, P, 3), turned back to the world, of latents and centroids in this view."""
-        made = coder.decode(*given, times, self.groups(groups), noise)
+        """Points (T, P, 3), turned back to the world, of latents and centroids in this view; in these windows."""
+        made = coder.decode(*given, times, self.groups(groups), noise, spans)
         return turned(self._sided(made), torch.tensor(-self.yaw))
 
     def _sided(self, points: Tensor) -> Tensor:
@@ -303,30 +362,58 @@ def _views(coder: CloudAutoencoder, scene: Scene, drawing: Drawing) -> list[tupl
     return list(zip(views_of(count), drawn, strict=True))
 
 
+def _encoded(
+    coder: CloudAutoencoder, pose: SkeletonPose, view: View, drawn: DrawnPoints, first: int, last: int
+) -> Pair:
+    """Latents and centroids of drawn points on some tokens of a pose, in a view."""
+    return view.encode(coder, pose.rows(slice(first, last)), drawn, pose.skeleton)
+
+
 def _decoded(
-    coder: CloudAutoencoder,
-    scene: Scene,
-    drawing: Drawing,
-    views: Sequence[View],
-    better: Sequence[tuple[Tensor, Tensor]],
-    plain: Sequence[tuple[Tensor, Tensor]],
+    coder: CloudAutoencoder, scene: Scene, drawing: Drawing, views: Sequence[View], latents_of: LatentsOf
 ) -> Clouds:
-    """Decode each view's latents of the clip and of its plain interpolation.
+    """Decode each view's latents of the clip and of its plain interpolation, as many tokens as are asked for.
 
     The models were trained on all headings and on mirrored motion, so every view is equally good, and the errors of
     the views are largely independent. Each view decodes its share of the followed points, so the solve takes their
-    mean.
-
-    Args:
-        better, plain: latents (N, D) and centroids (N, 3) for each view, of the target and of the base.
+    mean. Tokens are decoded in the windows of the whole clip, so points do not depend on which others are asked for.
     """
     groups = _followed(scene, drawing).groups
     noise = coder.draw_noise(len(groups), drawing.seed)
-    points, reference = (torch.zeros(len(scene.times), len(groups), 3, device=scene.device) for _ in range(2))
-    for number, view in enumerate(views):
-        own = slice(number, None, len(views))
-        for out, given in ((points, better[number]), (reference, plain[number])):
-            out[:, own] = view.decode(coder, given, scene.times, groups[own], noise[own]).to(scene.device)
-    shown = torch.as_tensor(scene.tokens.spread(), device=scene.device)
-    binding = bind_points(reference[shown], groups, scene.skeleton, *scene.base.rows(shown).world())
-    return Clouds(points, reference, binding)
+    total = len(scene.times)
+    windows, times = coder.spans(total), scene.times
+
+    def decoded(first: int, last: int, needed: np.ndarray, shown: np.ndarray) -> tuple[Tensor, Tensor]:
+        """Points where they are `needed`, reference there and where it is `shown`: (last - first, P, 3) each."""
+        some = [touching(windows, first, last, rows) for rows in (needed, needed | shown)]
+        low, high = reach_of(some[1], first, last)
+        points, reference = (torch.zeros(last - first, len(groups), 3, device=scene.device) for _ in range(2))
+        inner = slice(first - low, last - low)
+        for number, view in enumerate(views):
+            own = slice(number, None, len(views))
+            pairs = latents_of(number, low, high, bool(some[0]))
+            for out, given, asked in zip((points, reference), pairs, some, strict=True):
+                if asked:
+                    spans = [span.moved(-low) for span in asked]
+                    made = view.decode(coder, given, times[low:high], groups[own], noise[own], spans)
+                    out[:, own] = made[inner].to(scene.device)
+        return points, reference
+
+    shown = scene.tokens.spread()
+    nothing = np.zeros(total, bool)
+    whole = total <= BLOCK_TOKENS
+    if whole:  # found at once, and kept
+        kept = decoded(0, total, scene.tokens.around_gaps(), np.isin(np.arange(total), shown))
+        reference = kept[1][torch.as_tensor(shown, device=scene.device)]
+    else:
+        one = np.ones(1, bool)
+        reference = torch.cat([decoded(at, at + 1, ~one, one)[1] for at in shown.tolist()])
+    rows = torch.as_tensor(shown, device=scene.device)
+    binding = bind_points(reference, groups, scene.skeleton, *scene.base.rows(rows).world())
+
+    def points_at(first: int, last: int, needed: np.ndarray) -> tuple[Tensor, Tensor]:
+        if whole:
+            return kept[0][first:last], kept[1][first:last]
+        return decoded(first, last, needed, nothing[first:last])
+
+    return Clouds(binding, points_at)
