@@ -18,7 +18,8 @@ from data_schemas.skeleton import Motion
 from data_schemas.trainings import TrainingData, last_data
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
-from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClouds, SynthesisedClouds, TrueClouds
+from stages.shared.inference.cloud_interfaces import CloudSource
+from stages.shared.inference.cloud_sources import ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.networks.layers.device import choose_device

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.inference.cloud_sources import Clouds, CloudSource, Drawing, Scene
+from stages.shared.inference.cloud_interfaces import Clouds, CloudSource, Drawing, Scene
 from stages.shared.inference.clouds import BLOCK_TOKENS, CHUNK_TOKENS
 from stages.shared.inference.confidence import Confidence, trust_of
 from stages.shared.inference.easing import ease_at_keys

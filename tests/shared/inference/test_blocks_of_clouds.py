@@ -8,14 +8,9 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.shared.inference import cloud_sources, filling, token_times
-from stages.shared.inference.cloud_sources import (
-    CloudSource,
-    GivenLatents,
-    ReconstructedClouds,
-    SynthesisedClouds,
-    TrueClouds,
-)
+from stages.shared.inference import decoded_clouds, filling, token_times
+from stages.shared.inference.cloud_interfaces import CloudSource
+from stages.shared.inference.cloud_sources import GivenLatents, ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import fill_motion
 from stages.shared.inference.models import Models, Span, load_weights, overlapping_windows, reach_of, touching
 from stages.shared.inference.token_times import Tokens
@@ -72,7 +67,7 @@ def test_small_blocks_give_the_motion_of_one_block(models: Models, source: str, 
     made = []
     for block in (FRAMES, 64):
         monkeypatch.setattr(filling, "BLOCK_TOKENS", block)
-        monkeypatch.setattr(cloud_sources, "BLOCK_TOKENS", block)
+        monkeypatch.setattr(decoded_clouds, "BLOCK_TOKENS", block)
         made.append(fill_motion(skeleton, motion, known, clouds, points=48))
     whole, parts = made
     np.testing.assert_allclose(parts.motion.rotations, whole.motion.rotations, atol=1e-6, rtol=0)
