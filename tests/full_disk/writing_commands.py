@@ -25,6 +25,7 @@ class Writing:
     command:   the words after `pumps` that name the command.
     words:     its arguments.
     asks:      whether it needs --overwrite where there is an old output.
+    replaces:  whether it writes although the same output is there.
     adds_to:   its output is put into a copy of this earlier output, which it reads too.
     """
 
@@ -32,6 +33,7 @@ class Writing:
     command: str
     words: str
     asks: bool = True
+    replaces: bool = True
     adds_to: str = ""
 
 
@@ -136,7 +138,8 @@ WRITINGS = (
     ),
     Writing(
         "fetched", "data fetch",
-        "walks --catalogue {made}/catalogue.toml --acceptances {out}/accepted.json --accept-licence -o {out}",
+        "walks --catalogue {made}/catalogue.toml --acceptances {made}/accepted.json --accept-licence -o {out}",
+        replaces=False,
     ),
     Writing("merged", "artefact merge", "{made}/part-1 {made}/part-2 -o {out}"),
     Writing("written", "config write", "--run {out} --preset tiny --source {made}/motion", asks=False),

@@ -84,8 +84,10 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
     newline = _newline_of(body) or _newline_of(rest) or "\n"
     row_line = first_line + _line_count(rest[:cut])
     place = _Place(name, joints, row_line)
-    rows, values = _parse_rows(body, newline.encode(), columns, place, keep_unreadable_rows, declared)
+    rows, values, lines = _parse_rows(body, newline.encode(), columns, place, keep_unreadable_rows, declared)
     notes = _check_frames(name, declared, len(rows), rows)
+    if lines != len(rows):
+        notes.append(note(Flag.ROWS_JOINED, lines=lines, rows=len(rows)))
     return BvhFile(
         name=name,
         header=header,
@@ -187,7 +189,8 @@ class _Place:
 
 def _parse_rows(
     body: bytes, newline: bytes, columns: int, place: _Place, keep_unreadable: bool, declared: int
-) -> tuple[list[bytes], np.ndarray]:
+) -> tuple[list[bytes], np.ndarray, int]:
+    """Rows, their numbers, and how many lines they were on: a row may be broken into lines, or a line hold several."""
     lines = body.split(b"\n" if newline != b"\r" else b"\r")
     if newline == b"\r\n":
         lines = [line[:-1] if line.endswith(b"\r") else line for line in lines]
@@ -211,7 +214,7 @@ def _parse_rows(
             f"{place.name}, line {starts[row]}: {place.joint_of(column)} in frame {row} is {values[row, column]},"
             " not a finite number."
         )
-    return rows, values
+    return rows, values, len(held)
 
 
 def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]]:
