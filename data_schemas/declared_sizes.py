@@ -16,9 +16,9 @@ import pyarrow.parquet as pq
 
 FREE_BYTES = 1 << 20  # that any file may declare
 _LZF_RATIO = 100  # LZF copies at most 264 bytes for 3
-# Deflate makes 1 byte of up to 1,032 equal ones. Packed clouds are stored with it: those of moving bodies take a tenth
-# to a third of their declared bytes, but frames in which nothing moves take nearly nothing. So an array may declare what
-# LZF may, and this many bytes more: twenty minutes of a body that does not move at all.
+# Deflate makes up to 1,032 bytes of one. Packed clouds are stored with it: a tenth to a third of the declared bytes
+# if the body moves, nearly nothing if it stays still. So an array may declare what LZF may, and this many bytes more:
+# twenty minutes of a body that does not move at all.
 _STILL_BYTES = 32 << 20
 _TABLE_RATIO = 300
 _ROWS_BASE = 10_000  # rows that any table may have; beyond them one for each byte

@@ -3,9 +3,9 @@
     python -m tests.full_disk.forked_commands MADE DISK SITUATION...
 
 Each command runs first without limits, into the folder MADE. Then, in each situation, into the folder DISK, where it
-must fail. One line of JSON for each run is printed: situation, name, exit code or signal, stderr, and the files and
-folders in DISK that are not as they were. If DISK is a file system of its own, it is filled up before each command; else the size of files is
-limited.
+must fail. If DISK is a file system of its own, it is filled up before each command; else files may not grow large.
+One line of JSON for each run is printed: situation, name, exit code or signal, stderr, and the files and folders in
+DISK that are not as they were.
 """
 
 from __future__ import annotations
@@ -80,11 +80,8 @@ def _prepare(writing: Writing, made: Path, out: Path) -> Path:
 
 def _outputs(writing: Writing, first: Path) -> Iterator[Path]:
     """The output and those that stand beside it under its name with more at its end."""
-    yield from (each for each in first.parent.iterdir() if each == first or _is_second(writing, each.name, first.name))
-
-
-def _is_second(writing: Writing, name: str, first: str) -> bool:
-    return name in {f"{first}{more}" for more in (".svg", "-kept") if f"{{out}}{more}" in writing.words}
+    names = {first.name} | {f"{first.name}{more}" for more in (".svg", "-kept") if f"{{out}}{more}" in writing.words}
+    yield from (each for each in first.parent.iterdir() if each.name in names)
 
 
 def _largest_file(writing: Writing, made: Path) -> int:
@@ -99,8 +96,7 @@ def _largest_file(writing: Writing, made: Path) -> int:
 def _content(place: Path) -> dict[str, bytes | str]:
     """What lies in a folder: the bytes of files, and "a folder" for folders."""
     return {
-        str(each.relative_to(place)): each.read_bytes() if each.is_file() else "a folder"
-        for each in place.rglob("*")
+        str(each.relative_to(place)): each.read_bytes() if each.is_file() else "a folder" for each in place.rglob("*")
     }
 
 

@@ -1,4 +1,4 @@
-"""Every command that writes, once for each form of its output, with the smallest settings. Later ones read earlier ones.
+"""Every command that writes, once for each form of its output, with small settings; later ones read earlier ones.
 
 In the words, {made} is the folder of what earlier commands wrote and {out} is where this one writes.
 """

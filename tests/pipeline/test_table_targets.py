@@ -11,7 +11,7 @@ import pytest
 
 from stages.measure.ae.methods import PAPER
 from stages.shared.settings.recipes import read_recipe, recipe_names
-from tests.pipeline.test_makefile import ROOT, Run
+from tests.pipeline.made_runs import ROOT, Run
 
 RECIPE_OF = {
     "table2": "table2", "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",

@@ -73,10 +73,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     clips = [row.clip for row in picked]
     lines = [f"picked {', '.join(clips)}"]
     if left := sorted(file for file in {*listed, *stale} - {*files, *removed} if _is_there(config.output, file)):
-        lines.append(
-            f"The earlier {LIST_NAME} names {', '.join(left)}, which {'is' if len(left) == 1 else 'are'} not as pumps "
-            "wrote them, and stay."
-        )
+        lines.append(f"Files of the earlier {LIST_NAME} that are not as pumps wrote them stay: {', '.join(left)}.")
     return StageReport(output=config.output, lines=lines, figures={"clips": clips, "removed": removed})
 
 

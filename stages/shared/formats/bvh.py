@@ -190,7 +190,7 @@ class _Place:
 def _parse_rows(
     body: bytes, newline: bytes, columns: int, place: _Place, keep_unreadable: bool, declared: int
 ) -> tuple[list[bytes], np.ndarray, int]:
-    """Rows, their numbers, and how many lines they were on: a row may be broken into lines, or a line hold several."""
+    """Rows, their numbers, and the number of their lines: a row may be broken into lines, or a line hold several."""
     lines = body.split(b"\n" if newline != b"\r" else b"\r")
     if newline == b"\r\n":
         lines = [line[:-1] if line.endswith(b"\r") else line for line in lines]

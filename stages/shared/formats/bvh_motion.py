@@ -42,6 +42,7 @@ def motion_of(
     rest_frame: int | None = None,
     trim_first: str | int = 0,
     skeleton_maps: tuple[SkeletonMap, ...] = (),
+    up_axis: str | None = None,
 ) -> tuple[Skeleton, Motion, list[str]]:
     """The skeleton and motion of a BVH, Y up, metres.
 
@@ -50,12 +51,14 @@ def motion_of(
         rest_frame: a frame in which the body stands upright, from which up axis and sides are found.
         trim_first: frames to drop at the start, or "auto": one if frame 0 is a calibration pose far from frame 1.
         skeleton_maps: the user's skeleton maps; the one that matches the joints is used.
+        up_axis: the file's, "y" or "z", if it is not the one that the body shows.
     Returns: skeleton, motion (global float32 rotations), notes on the file's oddities, one sentence each.
     Raises: InputError naming the file if no humanoid is found or an argument is out of range.
     """
     skeleton, motion, notes = noted_motion_of(
-        bvh, fps_override=fps_override, rest_frame=rest_frame, trim_first=trim_first, skeleton_maps=skeleton_maps
-    )
+        bvh, fps_override=fps_override, rest_frame=rest_frame, trim_first=trim_first, skeleton_maps=skeleton_maps,
+        up_axis=up_axis,
+    )  # fmt: skip
     return skeleton, motion, sentences_of(notes)
 
 
@@ -68,10 +71,7 @@ def noted_motion_of(
     skeleton_maps: tuple[SkeletonMap, ...] = (),
     up_axis: str | None = None,
 ) -> tuple[Skeleton, Motion, list[Note]]:
-    """As `motion_of`, with notes as codes and figures instead of sentences.
-
-    up_axis: the file's, "y" or "z", if it is not the one that the body shows.
-    """
+    """As `motion_of`, with notes as codes and figures instead of sentences."""
     try:
         body = _body_of(bvh.joints, bvh.values, skeleton_maps)
         poses = _poses(bvh.joints, body, bvh.values, fps_override or rate_of(bvh.frame_time))

@@ -151,7 +151,7 @@ def _matrix_joints(array: np.ndarray, joints: tuple[int, ...], where: str) -> in
                 return count
             if not _row_joints(array, joints):  # one matrix of one joint has the shape of three of its vectors
                 raise InputError(
-                    f"{where} has the shape {array.shape}, that of rotation matrices, and its numbers are no rotations."
+                    f"{where} has the shape {array.shape} of rotation matrices, and its numbers are no rotations."
                 )
     return 0
 
