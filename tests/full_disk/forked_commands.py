@@ -20,21 +20,25 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from tests.full_disk.writing_commands import PREPARED, WRITINGS, Writing
+from tests.full_disk.writing_commands import FIRST_FORMS, PREPARED, WRITINGS, Writing
 
 BLOCK = 4096
 SECONDS = 300
 
 
 def main(made: Path, disk: Path, situations: list[str]) -> None:
-    """Run everything. `situations`: "empty" for nothing free and no old output, "half" for half of what is needed
-    beside an old output."""
+    """Run everything.
+
+    Args:
+        situations: "empty" for nothing free and no old output, with one form of each command; "half" for half
+            of what is needed beside an old output, with all forms.
+    """
     _import_everything()
     for writing in (WRITINGS[0], *PREPARED, *WRITINGS[1:]):
         out = _prepare(writing, made, made / writing.name)
         print(json.dumps(["made", writing.name, *_run(writing, made, out), []]), flush=True)
     for situation in situations:
-        for writing in WRITINGS:
+        for writing in WRITINGS if situation == "half" else FIRST_FORMS:
             print(json.dumps([situation, writing.name, *_refused(writing, made, disk, situation)]), flush=True)
 
 

@@ -84,8 +84,8 @@ WRITINGS = (
     ),
     Writing(
         "measured", "evaluate",
-        "--motion {made}/motion --weights mine={made}/run --intervals 15 --transitions 15 --predictions 15 "
-        "--window 46 --max-windows 1 --points 32 --device cpu -o {out}",
+        "--motion {made}/motion --weights mine={made}/run --tasks transition --transitions 15 "
+        "--max-windows 1 --points 32 --device cpu -o {out}",
     ),
     Writing(
         "page.html", "report",
@@ -145,6 +145,7 @@ WRITINGS = (
     Writing("written", "config write", "--run {out} --preset tiny --source {made}/motion", asks=False),
     Writing("page.md", "formats", "--page {out}", asks=False),
 )  # fmt: skip
+FIRST_FORMS = tuple({writing.command: writing for writing in reversed(WRITINGS)}.values())
 # What some of these read besides.
 PREPARED = (
     Writing("rigs", "ingest bvh", "{made}/rig.bvh --workers 1 -o {out}"),
