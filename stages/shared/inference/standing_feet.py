@@ -1,0 +1,76 @@
+"""When the feet of a filled motion stand, and where.
+
+Filled feet glide where true ones stand and step, so that standing is judged beside the foot's own steps, and by the
+keys. Where a foot is to stand follows from the keys, or else from its filled path.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from stages.shared.inference.pop_limits import runs_of
+from stages.shared.kinematics.foot_contacts import (
+    HEIGHT_SHARE,
+    SPEED_SHARE,
+    Feet,
+    contact_speeds,
+    detect_contacts,
+    floor_levels,
+)
+
+# A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
+SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
+FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
+
+
+def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
+    """(T, F) bool: contact joints that stand, in a motion of which some frames are filled.
+
+    By the definition of `detect_contacts`, with the floor of the known frames, but that slow is what is slow beside
+    the foot's own steps: filled feet glide where true ones stand and step, and of what stands at 0.35 legs a second
+    only seven tenths is found, of this nine tenths. And between two neighbouring keys in
+    both of which a joint is low, in places that it could not have left and come back to while standing slow, all
+    frames in which it stays low: that it slides there is the filling's doing. A joint that is further from its place
+    than `FURTHEST_SHARE` of the leg does not stand.
+    """
+    levels = floor_levels(positions, feet, known)
+    speeds = contact_speeds(positions, feet, fps)
+    fastest = maximum_filter1d(speeds, 2 * round(FASTEST_WITHIN_S * fps) + 1, axis=0)
+    slow = np.clip(SLOW_SHARE * fastest, SPEED_SHARE * feet.leg_m, SLOW_AT_MOST * feet.leg_m)
+    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow)
+    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
+    keys = np.flatnonzero(known)
+    for first, last in pairwise(keys):
+        if last - first < 2:
+            continue
+        apart = np.linalg.norm(positions[last, feet.joints] - positions[first, feet.joints], axis=-1)
+        near = apart <= min(SPEED_SHARE * (last - first) / fps / 2, SPEED_SHARE / 3) * feet.leg_m
+        planted = low[first] & low[last] & near
+        contacts[first : last + 1] |= low[first : last + 1] & planted
+    away = np.linalg.norm(held_shifts(positions, contacts, feet, known, fps), axis=-1)
+    contacts &= away <= FURTHEST_SHARE * feet.leg_m
+    return contacts
+
+
+def held_shifts(
+    positions: np.ndarray, contacts: np.ndarray, feet: Feet, known: np.ndarray, fps: float
+) -> np.ndarray:
+    """(T, F, 3) metres, from the contact joints' paths to the places that they are to keep while they stand.
+
+    Args:
+        positions: (T, J, 3) metres. contacts: (T, F) bool. known: (T,) bool.
+    """
+    paths = positions[:, feet.joints].astype(np.float64)
+    out = np.zeros(paths.shape)
+    for column, path in enumerate(np.moveaxis(paths, 1, 0)):
+        for run in runs_of(contacts[:, column]):
+            keys = run[known[run]]
+            if len(keys):
+                place = np.stack([np.interp(run, keys, path[keys, axis]) for axis in range(3)], -1)
+            else:
+                place = path[run].mean(0)
+            out[run, column] = place - path[run]
+    return out
