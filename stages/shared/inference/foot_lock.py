@@ -20,10 +20,11 @@ from functools import cached_property
 import numpy as np
 import torch
 
-from stages.shared.inference.pop_limits import PopLimits, Steps, runs_of, without_pops
+from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, runs_of, without_pops
 from stages.shared.inference.standing_feet import held_shifts, standing_feet
 from stages.shared.kinematics.foot_contacts import Feet, find_feet, limb_joints
 from stages.shared.kinematics.rotations import multiply
+from stages.shared.solve.bounded_path import bounded_shift
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
 from stages.shared.solve.skeleton_pose import SkeletonPose
@@ -34,7 +35,8 @@ NOISE_M = 0.004  # how closely a foot meets its place
 OPEN_RAD = 0.5  # how far a leg's joint may turn about an axis about which the keys do not turn it
 FLOOR_ROUNDS = 3
 LET_GO, ROUNDS = 0.6, 8  # share of a shift that a round keeps; rounds until it is 0
-MARGIN = 0.999  # share of the limits that a leg keeps to, since poses are rounded to float32
+PATH_SHARE = 0.9
+TIGHTEN, TIGHT_LEAST = 0.6, 0.15
 NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
 
@@ -181,13 +183,20 @@ def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray
     """
     gaps = runs_of(~known)
     trusts, floor_trusts = np.ones(len(wanted.stands)), np.ones(len(gaps))
+    weights = np.where(wanted.held, 1.0, LOOSE)
+    limits = limits.raised_to(leg.steps(np.zeros(leg.limb.offsets.shape)))
+    tight = np.full(len(limits.bends), PATH_SHARE)
     while trusts.any() or floor_trusts.any():
         trust, floor_trust = _spread(wanted.stands, trusts, len(known)), _spread(gaps, floor_trusts, len(known))
-        shifts = wanted.path(trust, floor_trust, known, fps)
+        path = wanted.path(trust, floor_trust, known, fps)
+        shifts = bounded_shift(path, leg.foot, tight * limits.bends, known, weights, span=SMOOTH_S * fps)
         turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=SMOOTH_S * fps)
-        over = limits.broken_frames(leg.steps(turns), known, MARGIN)
+        over = limits.broken_frames(leg.steps(turns), known, ROUNDING / 10)
         if not len(over):
             return turns
+        if (tight[_around(over, len(tight))] > TIGHT_LEAST).any():
+            tight[_around(over, len(tight))] *= TIGHTEN
+            continue
         near = _near(wanted.stands, over, NEAR_S * fps)
         gaps_near = _near(gaps, over, 1)
         if (trusts[near] > 0).any():
@@ -197,6 +206,10 @@ def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray
         else:
             trusts, floor_trusts = _less(trusts), _less(floor_trusts)
     return np.zeros(leg.limb.offsets.shape)
+
+
+def _around(frames: np.ndarray, count: int) -> np.ndarray:
+    return np.unique(np.clip(frames[:, None] + np.arange(-4, 3), 0, count - 1))
 
 
 def _spread(runs: list[np.ndarray], values: np.ndarray, frames: int) -> np.ndarray:

@@ -20,6 +20,7 @@ from stages.shared.statistics.measurements import measured_joints
 
 
 NEAR_S = 2.0  # half of the windows that are measured
+ROUNDING = 2e-6  # radians and metres: what float32 poses leave of a difference
 
 
 class Steps(NamedTuple):
@@ -60,12 +61,16 @@ class PopLimits:
         filled = [np.where(missing, part, 0.0) for missing, part in zip(_missing(known), steps, strict=True)]
         return cls(*(maximum_filter1d(part, near, mode="constant") if len(part) else part for part in filled))
 
-    def broken_frames(self, steps: Steps, known: np.ndarray, share: float = 1.0) -> np.ndarray:
-        """Frames of the steps with a missing frame that are larger than `share` of the limits."""
+    def raised_to(self, steps: Steps) -> PopLimits:
+        """Limits that allow at least these steps."""
+        return PopLimits(np.maximum(self.turns, steps.turns), np.maximum(self.bends, steps.bends))
+
+    def broken_frames(self, steps: Steps, known: np.ndarray, rounding: float = ROUNDING) -> np.ndarray:
+        """Frames of the steps with a missing frame that exceed the limits by more than rounding."""
         missing = _missing(known)
         over = np.zeros(len(known), bool)
-        turns = np.flatnonzero((steps.turns > share * self.turns) & missing[0])
-        bends = np.flatnonzero((steps.bends > share * self.bends) & missing[1])
+        turns = np.flatnonzero((steps.turns > self.turns + rounding) & missing[0])
+        bends = np.flatnonzero((steps.bends > self.bends + rounding) & missing[1])
         for frames in (turns, turns + 1, bends, bends + 1, bends + 2):
             over[frames] = True
         return np.flatnonzero(over)
