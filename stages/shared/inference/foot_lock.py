@@ -21,7 +21,7 @@ import numpy as np
 import torch
 
 from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, runs_of, without_pops
-from stages.shared.inference.standing_feet import held_shifts, standing_feet
+from stages.shared.inference.standing_feet import held_shifts, lowered_feet, standing_feet
 from stages.shared.kinematics.foot_contacts import Feet, find_feet, limb_joints
 from stages.shared.kinematics.rotations import multiply
 from stages.shared.solve.bounded_path import bounded_shift
@@ -55,8 +55,10 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     places = pose.heads.numpy()
     contacts = standing_feet(places, feet, fps, known)
     legs = _legs_of(pose, feet, known)
-    wanted = [_wanted_shift(places, contacts, feet, leg.group, known, fps) for leg in legs]
-    if known.all() or not any(each.held.any() or each.heights.min() < each.floors.min() for each in wanted):
+    shifts = held_shifts(places, contacts, feet, known)
+    lowered = lowered_feet(places, contacts, feet, pose.skeleton.root, known, fps)
+    wanted = [_wanted_shift(places, shifts, contacts, lowered, feet, leg.group, known) for leg in legs]
+    if known.all() or not any(each.held.any() or each.lower.any() or each.heights.min() < each.floors.min() for each in wanted):
         return pose
     limits = PopLimits.of(Steps.of_pose(pose), known, fps)
     turns = [_calm_turns(leg, want, limits, known, fps) for leg, want in zip(legs, wanted, strict=True)]
@@ -123,12 +125,14 @@ class _Wanted:
 
     shifts:  (T, 3) metres, in the frames in which it is held, elsewhere 0.
     held:    (T,) bool.
+    lower:   (T,) metres, at most 0: added to the height of a foot that floats.
     heights: (T, M) of its contact joints, metres.
     floors:  (M,) the lowest that a contact joint of each kind comes in a known frame.
     """
 
     shifts: np.ndarray
     held: np.ndarray
+    lower: np.ndarray
     heights: np.ndarray
     floors: np.ndarray
 
@@ -140,27 +144,33 @@ class _Wanted:
     def path(self, trust: np.ndarray, floor_trust: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
         """(T, 3) shifts that come and go smoothly: of stands and out of the floor, each times its trust (T,)."""
         path = _smooth(trust[:, None] * self.shifts, self.held, known, fps)
-        wanted = np.zeros((len(known), 1))
-        lift = wanted
+        wanted = np.where(known, 0.0, self.lower)[:, None]
+        lift = _smooth(wanted, wanted[:, 0] < 0, known, fps)
         for _ in range(FLOOR_ROUNDS):  # what the smoothing leaves below the floor is asked for again
             sunk = (self.floors - (self.heights + path[:, 1:2] + lift)).max(1, keepdims=True)
             wanted = wanted + np.where(known[:, None], 0.0, np.maximum(sunk, 0.0))
-            lift = _smooth(wanted, wanted[:, 0] > 0, known, fps)
-        path[:, 1:2] += _smooth(floor_trust[:, None] * wanted, wanted[:, 0] > 0, known, fps)
+            lift = _smooth(wanted, wanted[:, 0] != 0, known, fps)
+        path[:, 1:2] += _smooth(floor_trust[:, None] * wanted, wanted[:, 0] != 0, known, fps)
         return path
 
 
 def _wanted_shift(
-    places: np.ndarray, contacts: np.ndarray, feet: Feet, group: int, known: np.ndarray, fps: float
+    places: np.ndarray,
+    shifts: np.ndarray,
+    contacts: np.ndarray,
+    lowered: np.ndarray,
+    feet: Feet,
+    group: int,
+    known: np.ndarray,
 ) -> _Wanted:
     """What is wanted of the foot of the leg of this body group."""
     heights = places[:, feet.joints, 1]
     lowest = np.array([heights[known][:, feet.is_end == end].min() for end in feet.is_end])
     members = np.flatnonzero(feet.groups == group)
-    wanted = held_shifts(places, contacts, feet, known, fps)[:, members]
     held = contacts[:, members]
-    own = (wanted * held[..., None]).sum(1) / np.maximum(held.sum(1, keepdims=True), 1)
-    return _Wanted(own, np.asarray(held.any(1)), heights[:, members], lowest[members])
+    own = (shifts[:, members] * held[..., None]).sum(1) / np.maximum(held.sum(1, keepdims=True), 1)
+    lower = lowered[:, members].min(1)
+    return _Wanted(own, np.asarray(held.any(1)), lower, heights[:, members], lowest[members])
 
 
 def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
