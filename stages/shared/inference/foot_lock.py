@@ -1,14 +1,16 @@
 """Feet that stand stay where they stand: a clean-up of filled frames that moves legs and nothing else.
 
 While a contact joint stands (`stages.shared.inference.standing_feet`), its foot is shifted as a whole to one place:
-through the keys' own places where keys are among the frames, else to one that follows from its path. The shift comes
-and goes smoothly, is nothing at every key; and no foot comes lower than the lowest does in the known frames. The
-leg's joints above the foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its
+through the keys' own places where keys are among the frames, else to the middle of its path at the height at which
+it stands in the keys. Where neither foot stands although the body does not fly, the lower foot comes down. The shift
+comes and goes smoothly, is nothing at every key; and no foot comes lower than the lowest does in the known frames.
+The leg's joints above the foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its
 direction, the pelvis its place. Hips and knees turn about the axes about which they turn in the keys, so that no knee
 flips.
 
-Holding a foot never causes a pop (`stages.shared.inference.pop_limits`): where a leg turns or accelerates more than
-the filled motion does at most in the same gap, the shifts near that frame are reduced until it no longer does.
+Holding a foot never makes a pop worse (`stages.shared.inference.pop_limits`). The shift is the nearest to the wanted
+one with which no part of the foot accelerates more than it may (`stages.shared.solve.bounded_path`). Where the leg
+above the foot still turns or accelerates too much, the foot is let go by degrees.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
+from scipy.ndimage import maximum_filter1d
 
 from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, runs_of, without_pops
 from stages.shared.inference.standing_feet import held_shifts, lowered_feet, standing_feet
@@ -35,16 +38,17 @@ NOISE_M = 0.004  # how closely a foot meets its place
 OPEN_RAD = 0.5  # how far a leg's joint may turn about an axis about which the keys do not turn it
 FLOOR_ROUNDS = 3
 LET_GO, ROUNDS = 0.6, 8  # share of a shift that a round keeps; rounds until it is 0
-PATH_SHARE = 0.9
-TIGHTEN, TIGHT_LEAST = 0.6, 0.15
+# A foot's path keeps to a share of the limit of accelerations, a smaller one where the solved leg exceeds its limits.
+PATH_SHARE, TIGHTEN, TIGHT_LEAST = 0.9, 0.6, 0.15
+TIGHTEN_S = 0.1  # around a frame in which it does
 NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
 
 def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:
     """Hold standing feet in the frames that are not known.
 
-    A leg without a joint above its first contact joint cannot be moved, and stays as it is. In no gap does a measured
-    joint turn further in a frame, or accelerate more, than a joint of the given pose does in the same gap.
+    A leg without a joint above its first contact joint cannot be moved, and stays as it is. No measured joint turns
+    further in a frame, or accelerates more, than one of the given pose does within two seconds (`PopLimits`).
 
     Args:
         pose: T frames, filled, `fps` a second. known: (T,) bool; known frames come back value for value.
@@ -58,7 +62,9 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     shifts = held_shifts(places, contacts, feet, known)
     lowered = lowered_feet(places, contacts, feet, pose.skeleton.root, known, fps)
     wanted = [_wanted_shift(places, shifts, contacts, lowered, feet, leg.group, known) for leg in legs]
-    if known.all() or not any(each.held.any() or each.lower.any() or each.heights.min() < each.floors.min() for each in wanted):
+    if known.all() or not any(
+        each.held.any() or each.lower.any() or each.heights.min() < each.floors.min() for each in wanted
+    ):
         return pose
     limits = PopLimits.of(Steps.of_pose(pose), known, fps)
     turns = [_calm_turns(leg, want, limits, known, fps) for leg, want in zip(legs, wanted, strict=True)]
@@ -188,38 +194,34 @@ def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float)
 def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray, fps: float) -> np.ndarray:
     """Turns (T, n, 3) of a leg that hold its foot as far as its steps stay within the limits.
 
-    A stand near which they do not keeps `LET_GO` of its shift, after `ROUNDS` rounds nothing. Where no stand is left
-    near, the gap's lift out of the floor is reduced likewise, and at last every shift.
+    Where they do not, the foot's path may bend less (`TIGHTEN`). Where that does not suffice, a stand near keeps
+    `LET_GO` of its shift, after `ROUNDS` rounds nothing. Where no stand is left near, what is wanted of heights
+    in the gap is reduced likewise, and at last every shift.
     """
-    gaps = runs_of(~known)
+    gaps, span, none = runs_of(~known), SMOOTH_S * fps, np.zeros(leg.limb.offsets.shape)
+    limits = limits.raised_to(leg.steps(none))
+    weights, shares = np.where(wanted.held, 1.0, LOOSE), np.full(len(known), PATH_SHARE)
     trusts, floor_trusts = np.ones(len(wanted.stands)), np.ones(len(gaps))
-    weights = np.where(wanted.held, 1.0, LOOSE)
-    limits = limits.raised_to(leg.steps(np.zeros(leg.limb.offsets.shape)))
-    tight = np.full(len(limits.bends), PATH_SHARE)
     while trusts.any() or floor_trusts.any():
         trust, floor_trust = _spread(wanted.stands, trusts, len(known)), _spread(gaps, floor_trusts, len(known))
         path = wanted.path(trust, floor_trust, known, fps)
-        shifts = bounded_shift(path, leg.foot, tight * limits.bends, known, weights, span=SMOOTH_S * fps)
-        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=SMOOTH_S * fps)
+        shifts = bounded_shift(path, leg.foot, shares[1:-1] * limits.bends, known, weights, span=span)
+        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=span)
         over = limits.broken_frames(leg.steps(turns), known, ROUNDING / 10)
         if not len(over):
             return turns
-        if (tight[_around(over, len(tight))] > TIGHT_LEAST).any():
-            tight[_around(over, len(tight))] *= TIGHTEN
-            continue
-        near = _near(wanted.stands, over, NEAR_S * fps)
-        gaps_near = _near(gaps, over, 1)
-        if (trusts[near] > 0).any():
+        is_over = np.isin(np.arange(len(known)), over)
+        tighten = np.asarray(maximum_filter1d(is_over, 2 * round(TIGHTEN_S * fps) + 1), bool)
+        near, gaps_near = _near(wanted.stands, over, NEAR_S * fps), _near(gaps, over, 1)
+        if (shares[tighten] > TIGHT_LEAST).any():
+            shares[tighten] *= TIGHTEN
+        elif (trusts[near] > 0).any():
             trusts[near] = _less(trusts[near])
         elif (floor_trusts[gaps_near] > 0).any():
             floor_trusts[gaps_near] = _less(floor_trusts[gaps_near])
         else:
             trusts, floor_trusts = _less(trusts), _less(floor_trusts)
-    return np.zeros(leg.limb.offsets.shape)
-
-
-def _around(frames: np.ndarray, count: int) -> np.ndarray:
-    return np.unique(np.clip(frames[:, None] + np.arange(-4, 3), 0, count - 1))
+    return none
 
 
 def _spread(runs: list[np.ndarray], values: np.ndarray, frames: int) -> np.ndarray:

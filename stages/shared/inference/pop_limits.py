@@ -2,8 +2,8 @@
 
 The two measures are those of `stages.shared.statistics.feel_pops`: how far a joint turns between two neighbouring
 frames, and the second difference of a joint's positions; of the measured joint that does so most. A clean-up may not
-take a larger step than the largest that the filled motion takes within `NEAR_S`. So over a window as long as those
-that are measured, and over a whole clip, it never makes a pop worse.
+take a larger step than the largest that the filled motion takes within `NEAR_S`. So it never raises the largest step
+of a clip, and where a part of a clip takes larger steps than before, one as large was there within that time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from scipy.ndimage import maximum_filter1d
 from stages.shared.kinematics.rotations import angles_between
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.statistics.measurements import measured_joints
-
 
 NEAR_S = 2.0  # half of the windows that are measured
 ROUNDING = 2e-6  # radians and metres: what float32 poses leave of a difference

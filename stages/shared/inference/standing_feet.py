@@ -23,9 +23,9 @@ from stages.shared.kinematics.foot_contacts import (
 
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
-GRAVITY_MPS2, FLIGHT_SHARE, FALL_S = 9.81, 0.5, 0.1
-LOWER_SHARE = 1.0
 FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
+# A body flies where its pelvis, on average over so many seconds before and after, falls with this share of gravity.
+GRAVITY_MPS2, FLIGHT_SHARE, FALL_S = 9.81, 0.5, 0.1
 
 
 def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
@@ -104,7 +104,7 @@ def lowered_feet(
     `FURTHEST_SHARE` of the leg stays.
     """
     above = positions[:, feet.joints, 1].astype(np.float64) - contact_heights(positions, feet, known)
-    low = (above <= HEIGHT_SHARE * feet.leg_m).any(1)
+    low = np.asarray((above <= HEIGHT_SHARE * feet.leg_m).any(1))
     keys = np.flatnonzero(known)
     floats = ~contacts.any(1) & ~known
     for first, last in pairwise(keys):
@@ -116,4 +116,4 @@ def lowered_feet(
     lowest = above.min(1)
     floats &= (lowest > 0) & (lowest <= FURTHEST_SHARE * feet.leg_m)
     lower = feet.groups == feet.groups[above.argmin(1)][:, None]
-    return np.where(floats[:, None] & lower, -LOWER_SHARE * lowest[:, None], 0.0)
+    return np.where(floats[:, None] & lower, -lowest[:, None], 0.0)

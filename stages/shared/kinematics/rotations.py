@@ -94,7 +94,7 @@ def turns_between(first: Tensor, second: Tensor) -> Tensor:
 
 
 def angles_between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Angles (...) in radians, 0 to pi, between rotations given as unit quaternions (..., 4), which broadcast; float64.
+    """Angles (...) float64 in radians, 0 to pi, between rotations: unit quaternions (..., 4), which broadcast.
 
     Unit quaternions that differ by a rotation of angle a have distance 2 sin(a / 4). Unlike the arc cosine of their
     product, this is exact for small angles.

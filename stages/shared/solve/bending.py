@@ -1,7 +1,7 @@
 """Second derivatives of values at uneven times, and their squares as the bands of a matrix.
 
-With D the matrix that takes second derivatives and W diagonal, D'WD has a diagonal and two bands on either side. It is
-what bending costs in `stages.shared.solve.smoothing` and `stages.shared.solve.limb_solve`.
+With D the matrix that takes second derivatives and W diagonal, D'WD has a diagonal and two bands on either side. It
+is what bending costs in `smoothing`, `limb_solve` and `bounded_path`.
 """
 
 from __future__ import annotations
