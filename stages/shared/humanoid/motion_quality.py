@@ -21,6 +21,7 @@ from stages.shared.kinematics.foot_contacts import (
     limb_joints,
 )
 from stages.shared.kinematics.playback_speed import rate_is_suspect, speed_features, speed_of
+from stages.shared.kinematics.rotations import angles_between
 
 STILL_MPS = 0.01  # a body is still if no joint moves faster
 HUMAN_RAD_PER_S = 45.0  # faster than a pitcher's forearm, without the turn of the body
@@ -40,7 +41,7 @@ def measure_quality(
         repaired_frames: number of frames that its reader repaired.
     """
     body = np.flatnonzero((skeleton.groups >= 0) & skeleton.sampled)
-    turned = _turns(motion.rotations[:, body])
+    turned = angles_between(motion.rotations[1:, body], motion.rotations[:-1, body])
     features = speed_features(skeleton, positions, motion.fps)
     still = _still(positions[:, body], motion.fps)
     skate, penetration = _feet(skeleton, positions, motion.fps)
@@ -57,12 +58,6 @@ def measure_quality(
         swapped=_swapped(skeleton, positions, motion.rotations),
         repaired_frames=repaired_frames,
     )
-
-
-def _turns(rotations: np.ndarray) -> np.ndarray:
-    """(T - 1, J) radians between neighbouring frames, of global rotations (T, J, 4)."""
-    cosine = np.abs((rotations[1:].astype(np.float64) * rotations[:-1]).sum(-1))
-    return 2 * np.arccos(np.clip(cosine, 0, 1))
 
 
 def _still(positions: np.ndarray, fps: float) -> np.ndarray:

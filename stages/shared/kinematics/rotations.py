@@ -93,6 +93,17 @@ def turns_between(first: Tensor, second: Tensor) -> Tensor:
     return turn_vectors(multiply(conjugate(first), second))
 
 
+def angles_between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Angles (...) float64 in radians, 0 to pi, between rotations: unit quaternions (..., 4), which broadcast.
+
+    Unit quaternions that differ by a rotation of angle a have distance 2 sin(a / 4). Unlike the arc cosine of their
+    product, this is exact for small angles.
+    """
+    first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    chord = np.minimum(np.linalg.norm(first - second, axis=-1), np.linalg.norm(first + second, axis=-1))
+    return 4 * np.arcsin(np.minimum(chord / 2, 1))
+
+
 def conjugate(rotations: Array) -> Array:
     """The inverse rotations of unit quaternions (..., 4)."""
     if isinstance(rotations, np.ndarray):
