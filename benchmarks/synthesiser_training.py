@@ -1,12 +1,11 @@
 """Windows a second of `pumps train lms`, and where its time goes: drawing, encoding, the step, the optimiser.
 
-    python benchmarks/synthesiser_training.py [--preset laptop] [--rounds 5] [--tpc FOLDER] [--page docs/performance.md]
+    OMP_NUM_THREADS=1 python benchmarks/synthesiser_training.py [--preset laptop] [--tpc FOLDER] [--page PAGE]
 
 The training's own code draws windows of real motion (the clips that come with pumps, or a tpc artefact), encodes them
 with an autoencoder of the preset's sizes and takes steps. With `reuse` an encoded window is used in that many steps,
-so the rate is that of a long training. Each part stands beside its limit: the time that its products, or what it reads
-and writes, would take at the rates of this machine, measured in the same rounds. Seconds are CPU seconds; run it
-with OMP_NUM_THREADS=1.
+so the rate is that of a long training. Each part stands beside its limit: the time that its products, or what it
+reads and writes, would take at the rates of this machine, measured in the same rounds. Seconds are CPU seconds.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from stages.shared.networks.layers.device import computes_bfloat16
 from stages.shared.settings.layers import Layer, settle
 from stages.shared.settings.presets import preset_layers
 from stages.shared.training.optimiser import Optimiser
-from stages.shared.training.task import step_generator, step_random
+from stages.shared.training.task import step_random
 from stages.shared.training.windows import WindowPool
 from stages.train.ae.task import AutoencoderNetworks
 from stages.train.lms import task as training
@@ -51,8 +50,8 @@ DRAWN = ("drawing", "encoding")  # done once for `reuse` steps
 def tpc_of_embedded_clips(folder: Path) -> Path:
     """The clips that come with pumps as a tpc artefact below `folder`."""
     clips = Path(stages.shared.clips.__path__[0])
-    ingest(IngestConfig(sources=(str(clips),), output=folder / "motion"))
-    sample_tpc(SampleConfig(motion=folder / "motion", output=folder / "tpc"))
+    ingest(IngestConfig.model_validate({"sources": (str(clips),), "output": folder / "motion"}))
+    sample_tpc(SampleConfig.model_validate({"motion": folder / "motion", "output": folder / "tpc"}))
     return folder / "tpc"
 
 
@@ -116,8 +115,8 @@ def measure(options: argparse.Namespace) -> str:
     bfloat16 = computes_bfloat16(CPU)
     whole = sum(spent / (long.reuse if name in DRAWN else 1) for name, spent in seconds.items())
     lines = [
-        f"`{options.preset}`: steps of {config.batch} windows of {config.window} frames of {config.points} points, each "
-        f"encoded window in {long.reuse} steps: **{config.batch / whole:.1f} windows/s of a core** "
+        f"`{options.preset}`: steps of {config.batch} windows of {config.window} frames of {config.points} points, "
+        f"each encoded window in {long.reuse} steps: **{config.batch / whole:.1f} windows/s of a core** "
         f"({config.batch / sum(seconds.values()):.1f} while every window is new). {name_of(CPU)}, "
         f"{torch.get_num_threads()} threads, PyTorch {torch.__version__}; the least of {options.rounds} rounds.",
         "",

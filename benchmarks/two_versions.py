@@ -1,12 +1,12 @@
 """Time two checkouts of this project in turn: which figures a change improved, and which fell.
 
     make bench-compare BASE=COMMIT
-    OMP_NUM_THREADS=1 python benchmarks/two_versions.py ../before [--rounds 4] [--most 1.1] [--page docs/performance.md]
+    OMP_NUM_THREADS=1 python benchmarks/two_versions.py ../before [--rounds 4] [--page docs/performance.md]
 
-Each checkout's cases are built by its own code, in a process of its own; only one of the two computes at any time, and
+Each checkout's cases are built by its own code, in a process of its own. Only one of the two computes at any time, and
 which one goes first changes from round to round. Seconds are those of the processor, which other work on the machine
-changes little with one thread. A case that a checkout cannot build is named and left out. The exit code is 1 if a case
-takes more than `--most` times as long as before, by the least and by the median of the rounds.
+changes little with one thread. A case that a checkout cannot build is named and left out. The exit code is 1 if a
+case takes more than `--most` times (1.1) as long as before, by the least and by the median of the rounds.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def training_step_of(preset, sequences, *case):
     return own.build(own.Case(*case), load, ae, lms)
 
 def reading(times):
-    text = CLIP.read_text()
+    text = CLIP.read_bytes()
     return lambda: [read_bvh(text, CLIP.name) for _ in range(times)]
 
 def filling(**keys):

@@ -54,8 +54,8 @@ def _row(case: dict[str, Any], limits: dict[str, float], seconds: str, others: b
 def limit_of(gflop: float, gb: float, limits: dict[str, float], *, bfloat16: bool) -> tuple[str, float]:
     """What limits a piece of work, and the seconds that it takes at this limit (the roofline).
 
-    gflop: operations of its products, 1e9. gb: bytes that its operations read and write, 1e9, of which most are in the
-    caches where the machine has a rate for them. limits: rates from `machine.limits`.
+    gflop: operations of its products, 1e9. gb: bytes that its operations read and write, 1e9; on a CPU most of them
+    are in the caches. limits: rates from `machine.limits`.
     """
     kind = "bfloat16" if bfloat16 and "matrix_bfloat16_gflop_per_s" in limits else "float32"
     near = "cache" if "cache_gb_per_s" in limits else "memory"
