@@ -157,7 +157,7 @@ BATCH   ?= 2
 MINUTES ?= 1
 
 # What each script of `make bench` is given, so that all end in ten minutes of two cores.
-BENCH_FLAGS_training_step = --preset $(or $(PRESET),laptop)
+BENCH_FLAGS_training_step = --preset $(or $(PRESET),paper) --rounds 2
 BENCH_FLAGS_any_humanoid = --most 20
 BENCH_FLAGS_body_certainty = --most 4 --creatures 4
 GUARDS = synthesiser_training training_step reading filling durable_writes retargeting any_humanoid body_certainty

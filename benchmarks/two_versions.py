@@ -3,8 +3,8 @@
     make bench-compare BASE=COMMIT
     OMP_NUM_THREADS=1 python benchmarks/two_versions.py ../before [--rounds 4] [--page docs/performance.md]
 
-Each checkout's cases are built by its own code, in a process of its own. Only one of the two computes at any time, and
-which one goes first changes from round to round. Seconds are those of the processor, which other work on the machine
+Each checkout's cases are built by its own code, in a process of its own. Only one of the two computes at any time,
+and which one goes first changes from round to round. Seconds are those of the processor, which other work on the machine
 changes little with one thread. A case that a checkout cannot build is named and left out. The exit code is 1 if a
 case takes more than `--most` times (1.1) as long as before, by the least and by the median of the rounds.
 """
@@ -36,7 +36,7 @@ CASES = {
 }
 BUILDERS = """
 from pathlib import Path
-import pumps, stages.shared.clips, training_step as own
+import torch, pumps, stages.shared.clips, training_step as own
 from stages.shared.formats.bvh import read_bvh
 
 CLIP = Path(stages.shared.clips.__path__[0]) / "dance_b.bvh"
@@ -59,7 +59,7 @@ SERVER = """
 import sys, time
 root = sys.argv[1]
 sys.path[:0] = [root, root + "/benchmarks"]
-import torch, stages
+import stages
 assert stages.__path__[0].startswith(root), stages.__path__
 exec(sys.argv[2])
 cases = []
