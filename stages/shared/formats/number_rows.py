@@ -1,7 +1,7 @@
-"""Rows of numbers in a text, parsed by pyarrow block by block: several times as fast as row by row, to the same bits.
+"""Rows of numbers in a text, parsed by pyarrow in blocks: several times as fast as row by row, to the same bits.
 
-Most programs write plain files: rows of as many numbers as there are channels, separated by white space. For any other
-file the result is None, and the caller reads it with its own parser, which also names faults.
+Most programs write plain files: rows of as many numbers as there are channels, separated by white space. For any
+other file the result is None, and the caller reads it with its own parser, which also names faults.
 """
 
 from __future__ import annotations
