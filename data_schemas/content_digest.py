@@ -25,11 +25,14 @@ from typing import Any
 import h5py
 import numpy as np
 import pyarrow as pa
+from h5py import h5l  # type: ignore[attr-defined]
+from h5py.h5o import open as open_object
 
 from data_schemas.declared_sizes import check_stored_array, read_table
 from data_schemas.manifest import sha256_of_file
 
 _PIECE_BYTES = 8 << 20
+_HARD = h5l.TYPE_HARD  # not a soft or an external link
 _DEEPEST = 16
 # Of a checkpoint: columns of the log and keys of the settings that say how long it took, and texts that repeat them.
 _CLOCK_COLUMNS = {"log.parquet": frozenset({"seconds"})}
@@ -116,9 +119,9 @@ def _add_group(total: Any, group: h5py.Group, depth: int, seen: set[int]) -> Non
     here: Any = group.id
     for name in sorted(group):
         raw = name.encode("utf-8", "surrogateescape")
-        if here.links.get_info(raw).type != h5py.h5l.TYPE_HARD:
+        if here.links.get_info(raw).type != _HARD:
             raise ValueError(f"{group.name}/{name} is a link")
-        item = h5py.h5o.open(here, raw)
+        item = open_object(here, raw)
         if isinstance(item, h5py.h5g.GroupID):
             _add_label(total, "group", name)
             _add_group(total, h5py.Group(item), depth + 1, seen)

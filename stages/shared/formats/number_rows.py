@@ -91,13 +91,15 @@ def _numbers(text: bytes, newline: bytes, columns: int) -> np.ndarray | None:
         text += newline
     codes = np.frombuffer(text, np.uint8)
     at = np.flatnonzero(codes <= 32)
-    lengths = np.diff(at, prepend=-1) - 1  # of the words that end there; 0 between two of white space
-    if not _is_regular(codes[at], lengths, newline[0], columns):
+    ends = np.zeros(len(at) + 1, np.int32)  # of words, in the text without white space
+    np.subtract(at, np.arange(len(at)), out=ends[1:], casting="unsafe")
+    is_word = ends[1:] > ends[:-1]  # not so between two bytes of white space
+    if not _is_regular(codes[at], is_word, newline[0], columns):
         return None
+    if not is_word.all():
+        ends = ends[np.concatenate([[True], is_word])]
     import pyarrow as pa
 
-    ends = np.zeros(np.count_nonzero(lengths) + 1, np.int32)
-    np.cumsum(lengths[lengths > 0], out=ends[1:])
     buffers = [None, pa.py_buffer(ends), pa.py_buffer(text.translate(None, _WHITE))]
     words: Any = pa.Array.from_buffers(pa.string(), len(ends) - 1, buffers)
     try:
@@ -106,16 +108,16 @@ def _numbers(text: bytes, newline: bytes, columns: int) -> np.ndarray | None:
         return None
 
 
-def _is_regular(white: np.ndarray, lengths: np.ndarray, newline: int, columns: int) -> bool:
+def _is_regular(white: np.ndarray, is_word: np.ndarray, newline: int, columns: int) -> bool:
     """Whether each line holds C words or none.
 
     Args:
-        white: (N,) the bytes up to 32 of a text of whole lines. lengths: (N,) of the words that end at each.
+        white: (N,) the bytes up to 32 of a text of whole lines. is_word: (N,) whether a word ends at each.
     """
-    if not len(white) % columns and lengths.all():  # one byte between words in all lines: the usual file
+    if not len(white) % columns and is_word.all():  # one byte between words in all lines: the usual file
         rows = white.reshape(-1, columns)
         if (rows[:, -1] == newline).all() and (rows[:, :-1] == ord(" ")).all():
             return True
-    words = np.cumsum(lengths > 0)[white == newline]
+    words = np.cumsum(is_word)[white == newline]
     counts = np.diff(words, prepend=0)
     return bool(_IS_WHITE[white].all() and ((counts == 0) | (counts == columns)).all())
