@@ -15,7 +15,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
@@ -71,8 +70,10 @@ def speed_features(
     pelvis = positions[:, skeleton.root] / leg
     reaching = positions[:, np.concatenate(ends)] / leg - pelvis[:, None]
     if fps > 3 * LOW_PASS_HZ:
-        smooth = _low_pass(fps)
-        pelvis, reaching = (sosfiltfilt(smooth, each, axis=0) for each in (pelvis, reaching))
+        # Imported here: it takes as long as all other imports of the readers, and recordings at 30 Hz do without it.
+        from scipy.signal import sosfiltfilt
+
+        pelvis, reaching = (sosfiltfilt(_low_pass(fps), each, axis=0) for each in (pelvis, reaching))
     velocities, accelerations = np.diff(reaching, axis=0) * fps, np.diff(reaching, 2, axis=0) * fps**2
     speeds, pushes = (np.sqrt(np.square(each).sum(-1).mean(0)) for each in (velocities, accelerations))
     if speeds.mean() < 1e-3:
@@ -94,6 +95,8 @@ def speed_features(
 @lru_cache(maxsize=64)
 def _low_pass(fps: float) -> np.ndarray:
     """The sections of a Butterworth filter; finding them takes as long as filtering a short clip."""
+    from scipy.signal import butter
+
     return np.asarray(butter(4, LOW_PASS_HZ / (fps / 2), output="sos"))
 
 

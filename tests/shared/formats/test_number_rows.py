@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -92,3 +94,17 @@ def test_rows_are_split_when_they_are_asked_for() -> None:
 def test_short_files_do_not_load_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     assert parsed([b"1 2"] * 100, 2) is None
+
+
+def test_parsing_takes_the_array_and_a_few_blocks_of_memory() -> None:
+    row = b" ".join(b"%.6f" % value for value in np.random.default_rng(0).uniform(-180, 180, 96)) + b"\n"
+    data = row * 10_000
+    parsed([row[:-1]], 96)  # imports pyarrow
+    tracemalloc.start()
+    try:
+        found = plain_rows(data, 0, b"\n", 96)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found is not None and found.nbytes == 96 * 8 * 10_000
+    assert peak < found.nbytes + 12 * number_rows._BLOCK_BYTES
