@@ -6,6 +6,7 @@ take, so each limit grows with the bytes that are there, and is far above what t
 
 from __future__ import annotations
 
+import math
 import os
 
 import h5py
@@ -26,9 +27,10 @@ _ROWS_BASE = 10_000  # rows that any table may have; beyond them one for each by
 
 def check_stored_array(stored: h5py.Dataset) -> None:
     """Raise ValueError if an HDF5 array declares far more bytes than are stored for it."""
-    if stored.shape is None:
+    shape = stored.shape
+    if shape is None:
         raise ValueError(f"{stored.name} is empty")
-    declared = int(np.prod(stored.shape, dtype=object)) * stored.dtype.itemsize
+    declared = math.prod(shape) * stored.dtype.itemsize
     if declared <= FREE_BYTES:
         return
     kept = int(stored.id.get_storage_size())

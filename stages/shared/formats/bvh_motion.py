@@ -6,6 +6,7 @@ a translation track if its position varies; otherwise it keeps its offset.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +16,7 @@ from data_schemas.notes import Note, sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
-from stages.shared.formats.bvh_rows import layout_of, local_quaternions, values_of
+from stages.shared.formats.bvh_rows import RowRotations, layout_of, values_of
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.skeleton_map import SkeletonMap
 from stages.shared.formats.source_body import SourceBody, SourcePoses, SourceRig, ancestors, body_of, motion_of_poses
@@ -90,7 +91,8 @@ def rig_and_poses(bvh: BvhFile) -> tuple[SourceRig, SourcePoses]:
     """
     body = _body_of(bvh.joints, bvh.values)
     offsets = tuple((x, y, z) for x, y, z in body.offsets.tolist())
-    return _rig(bvh.joints, offsets), _poses(bvh.joints, body, bvh.values, rate_of(bvh.frame_time))
+    poses = _poses(bvh.joints, body, bvh.values, rate_of(bvh.frame_time))
+    return _rig(bvh.joints, offsets), replace(poses, local=poses.local[:])
 
 
 def rate_of(frame_time: float) -> float:
@@ -159,4 +161,4 @@ def _poses(joints: tuple[BvhJoint, ...], body: SourceBody, values: np.ndarray, f
         tracks[:, i] = joints[joint].offset
         axes, columns = layout.positions_of(joint)
         tracks[:, i, axes] = values[:, columns]
-    return SourcePoses(local_quaternions(joints, values), root, fps, moving, tracks)
+    return SourcePoses(RowRotations(joints, values), root, fps, moving, tracks)

@@ -134,7 +134,7 @@ def depth_first(rig: SourceRig, poses: SourcePoses) -> tuple[SourceRig, SourcePo
     by_place = np.argsort(moving).astype(int)
     return rig, replace(
         poses,
-        local=poses.local[:, order],
+        local=poses.local[:][:, order],
         moving=[moving[i] for i in by_place],
         tracks=poses.tracks[:, by_place] if len(moving) else poses.tracks,
     )
