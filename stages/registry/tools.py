@@ -26,6 +26,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("train", "baseline"),
+        "Train another method of filling on one skeleton's motions (PUMPS Table 1).",
+        ("tpc",), "checkpoint",
+        "pumps train baseline --preset table1 --method delta --tpc runs/mine/sample-tpc -o runs/mine/delta",
+        pipeline=False,
+    ),
+    Stage(
         ("weights", "average"),
         "Average several trainings that started from the same weights.",
         ("checkpoint",), "checkpoint",
