@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample, resampled_frames
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import Poses
+from stages.shared.statistics.categories import category_of
 from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
 
 BATCH_WINDOWS = 64
@@ -44,7 +45,8 @@ class MeasuredClips:
     """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured.
 
     If the test split is wanted, an archive without training clips is measured on all its clips. With `trained_on`,
-    the data of trainings, all clips of other archives are measured, in any split.
+    the data of trainings, all clips of other archives are measured, in any split. With `categories`, names and
+    patterns of sources, `archives` has these categories instead.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class MeasuredClips:
         splits: Sequence[str],
         where: str | None = None,
         trained_on: Sequence[TrainingData] | None = None,
+        categories: Mapping[str, str] | None = None,
     ):
         self._reader = reader
         self._cache: dict[str, Motion] = {}
@@ -74,8 +77,9 @@ class MeasuredClips:
                 f"It holds {found or 'no clips'}; name one of these with --splits.",
             )
         self.archives: dict[str, list[ClipRow]] = {}
-        for row in sorted(rows, key=lambda row: (archive_of(row), row.clip)):
-            self.archives.setdefault(archive_of(row), []).append(row)
+        named = [(name, row) for row in rows if (name := category_of(row, categories or {})) is not None]
+        for name, row in sorted(named, key=lambda pair: (pair[0], pair[1].clip)):
+            self.archives.setdefault(name, []).append(row)
 
     def windows(self, archive: str, task: Task, limit: int) -> list[Window]:
         """The windows to measure; the same for every method."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
@@ -18,12 +19,13 @@ from data_schemas.motion import MotionReader
 from data_schemas.version import code_digest
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
-from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
+from stages.evaluate.methods import Loaded, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import window_seams
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.categories import named
 from stages.shared.statistics.feel import TrueFeet, feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines
 from stages.shared.statistics.measurements import (
@@ -39,7 +41,7 @@ from stages.shared.statistics.measurements import (
     metric_named,
     position_deviation,
 )
-from stages.shared.statistics.method_notes import MethodFacts
+from stages.shared.statistics.method_notes import MeasuredWeights, MethodFacts
 from stages.shared.statistics.pop_tables import pop_lines
 from stages.shared.statistics.tables import cells, terminal_lines
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
@@ -59,6 +61,21 @@ class _Tally:
             for window, value, weight in zip(windows, values, weights, strict=True):
                 if np.isfinite(value):
                     self.values[window.clip, method, metric].append((float(value), float(weight), window.start))
+
+
+@dataclass
+class Spent:
+    """Seconds and frames of each method's filling."""
+
+    of: dict[str, tuple[float, int]] = field(default_factory=dict)
+
+    def add(self, method: str, seconds: float, frames: int) -> None:
+        before = self.of.get(method, (0.0, 0))
+        self.of[method] = (before[0] + seconds, before[1] + frames)
+
+    def milliseconds(self) -> dict[str, float]:
+        """Milliseconds of filling a frame, known frames counted too."""
+        return {method: round(1000 * seconds / frames, 4) for method, (seconds, frames) in self.of.items()}
 
 
 @dataclass
@@ -90,26 +107,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with MotionReader(motion) as reader:
         loaded = load_all(config)
         trained_on = [data for weights in loaded for data in weights.trained_on()] if config.unseen else None
-        clips = MeasuredClips(reader, config.splits, config.where, trained_on)
+        clips = MeasuredClips(reader, config.splits, config.where, trained_on, named("category", config.category))
         plan = _plan(clips, config)
         statistics = _Statistics(clips)
         total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
         progress.start("Filling windows", total)
         rows: list[MetricRow] = []
+        spent = Spent()
         for archive, group in groupby(plan, key=lambda step: step[0]):
             for _, task, windows in group:
-                tally = _measure_task(clips, task, windows, loaded, statistics, config, progress)
+                tally = _measure_task(clips, task, windows, loaded, statistics, config, spent, progress)
                 rows += _rows(reader, archive, task, tally)
             clips.forget()
     found = cells(rows, config.seed)
     facts = MethodFacts(
-        weights=[each.facts() for each in loaded],
+        weights=[_facts(each, clips) for each in loaded],
         breakdown=config.breakdown,
         borrowed_statistics=statistics.borrowed,
     )
     inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
     with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
         draft.summary |= _counts(rows, plan) | facts.model_dump() | {"code": code_digest()}
+        draft.summary["milliseconds_per_frame"] = spent.milliseconds()
         write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, facts))
     where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
     lines = [*terminal_lines(found), *feel_lines(found), *pop_lines(rows), where]
@@ -146,9 +165,10 @@ def _measure_task(
     clips: MeasuredClips,
     task: Task,
     windows: list[Window],
-    loaded: list[LoadedWeights],
+    loaded: Sequence[Loaded],
     statistics: _Statistics,
     config: Config,
+    spent: Spent,
     progress: Progress,
 ) -> _Tally:
     tally = _Tally()
@@ -158,13 +178,15 @@ def _measure_task(
         joints = measured_joints(batch.skeleton)
         truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)
         feet = true_feet(batch.skeleton, truth.positions) if config.protocol == "pumps" else None
-        seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.models.windows])
+        seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.windows])
         if config.protocol == "pumps":
             tally.add(batch.windows, TRUTH, feel(truth.positions, truth.rotations, truth, joints, feet, seams=seams))
         measured = _MeasuredBatch(truth, batch, joints, feet, seams)
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
+            began = time.perf_counter()
             filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
+            spent.add(method.name, time.perf_counter() - began, len(batch.windows) * len(batch.known))
             tally.add(batch.windows, method.name, _measurements(filled, measured, statistics, config))
     return tally
 
@@ -187,6 +209,18 @@ def _measurements(made: Made, by: _MeasuredBatch, statistics: _Statistics, confi
     across = hip_joints(by.batch.skeleton)
     deviation = statistics.of(by.batch, by.joints, across)
     return measure_lafan1(positions, rotations, by.truth, by.joints, across, deviation)
+
+
+def _facts(loaded: Loaded, clips: MeasuredClips) -> MeasuredWeights:
+    """The facts of weights, and whether they were trained on clips of the measured archives."""
+    facts = loaded.facts()
+    try:
+        trained_on = loaded.trained_on()
+    except InputError:
+        return facts
+    rows = [row for members in clips.archives.values() for row in members]
+    native = any(data.has_seen(row) for data in trained_on for row in rows)
+    return facts.model_copy(update={"native": native})
 
 
 def _rows(reader: MotionReader, archive: str, task: Task, tally: _Tally) -> list[MetricRow]:

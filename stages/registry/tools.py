@@ -61,6 +61,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "table1"),
+        "Join evaluations of several methods into PUMPS Table 1.",
+        ("metrics",), "metrics",
+        "pumps measure table1 runs/mine/slerp runs/mine/delta --ours pumps -o runs/mine/table1",
+        arguments=("metrics",), pipeline=False,
+    ),
+    Stage(
         ("measure", "motions"),
         "Compare motions with the true motions of the same clips and joints.",
         ("motion",), "metrics",

@@ -1,4 +1,4 @@
-"""Windows of one skeleton's poses for training: the truth, the plain interpolation, and the errors of filled frames."""
+"""Windows of one skeleton's poses for training: the truth, the plain interpolation, errors of filled frames."""
 
 from __future__ import annotations
 

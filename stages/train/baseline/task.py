@@ -1,4 +1,4 @@
-"""Training any method of `networks/inbetween`: batches of masked windows, its own loss, and one validation for all."""
+"""Training any method of `networks/inbetween`: masked windows, the method's own loss, one validation for all."""
 
 from __future__ import annotations
 

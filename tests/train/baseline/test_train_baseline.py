@@ -1,4 +1,4 @@
-"""Every method of `pumps train baseline`: it learns, changes no key, reads nothing between keys, and repeats itself."""
+"""Every method of `pumps train baseline` learns, changes no key, reads nothing between keys, repeats itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import UsageError
 from data_schemas.tpc import TpcReader
 from stages.shared.networks.inbetween.methods import METHODS, method_class
-from stages.shared.networks.inbetween.pose_ndf import nearest_distance
+from stages.shared.networks.inbetween.pose_ndf import PoseNdf, nearest_distance
 from stages.shared.networks.inbetween.windows import filled_bones
 from stages.shared.networks.layers.sizes import MethodSizes
 from stages.shared.training.pose_windows import PoseBatch, pose_batch
@@ -111,6 +111,7 @@ def test_pose_ndf_learns_distances_and_descends_them(folder: Path):
         losses.append(float(loss.detach()))
     assert np.mean(losses[-5:]) < 0.6 * losses[0]
     space, network = task.networks.space, task.networks
+    assert isinstance(network, PoseNdf)
     vectors = space.vectors(batch.truth.heads, batch.truth.rotations, space.placement(batch.truth.heads, batch.known))
     poses = space.local(vectors)[batch.valid]
     noisy = torch.nn.functional.normalize(poses + 0.3 * torch.randn(poses.shape, generator=torch.Generator()), dim=-1)
@@ -137,7 +138,8 @@ def test_a_run_writes_its_checkpoint_twice_the_same(folder: Path):
     assert (found.config["network"], found.config["method"]) == ("inbetween", "delta")
     assert report.figures["finished"] and 0.3 < report.figures["val"]["score"] < 3
     assert "archive0.zip" in report.lines[0]
-    again = read_checkpoint(run(small(folder, "delta", output=folder / "again")).output)
+    run(small(folder, "delta", output=folder / "again"))
+    again = read_checkpoint(folder / "again")
     assert all((again.weights[name] == value).all() for name, value in found.weights.items())
     assert float(found.weights["space.deviation"].min()) > 0
 

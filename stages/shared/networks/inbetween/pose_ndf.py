@@ -8,6 +8,8 @@ It knows nothing of time and of the root, which stays that of the plain interpol
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 
@@ -41,7 +43,7 @@ class PoseNdf(Method):
         )
         widths = [code * bones, *[sizes.width] * (sizes.layers - 1), 1]
         parts: list[nn.Module] = []
-        for before, after in zip(widths, widths[1:], strict=False):
+        for before, after in pairwise(widths):
             parts += [nn.Linear(before, after), nn.Softplus(beta=100)]
         self.judge = nn.Sequential(*parts)
 

@@ -85,7 +85,7 @@ class PoseSpace(nn.Module):
         return (torch.cat([roots, columns], dim=-1) - self.mean) / self.deviation
 
     def local(self, vectors: Tensor) -> Tensor:
-        """(..., J, 4) rotations in the parents' frames, of standardised vectors (..., D); the root's in its window."""
+        """(..., J, 4) rotations in the parents' frames of standardised vectors (..., D); the root's in its window."""
         columns = (vectors * self.deviation + self.mean)[..., 3:].unflatten(-1, (-1, 3, 2))
         first = nn.functional.normalize(columns[..., 0], dim=-1)
         second = columns[..., 1] - (first * columns[..., 1]).sum(-1, keepdim=True) * first

@@ -34,7 +34,7 @@ class TgComplete(Method):
     def __init__(self, space: PoseSpace, sizes: MethodSizes):
         super().__init__(space, sizes)
         width, half = sizes.width, max(2, sizes.width // 4 * 2)
-        self.half = half
+        self.narrow = half
 
         def encoder() -> nn.Sequential:
             return nn.Sequential(nn.Linear(space.width, width), nn.PReLU(), nn.Linear(width, half), nn.PReLU())
@@ -62,9 +62,9 @@ class TgComplete(Method):
         cell = torch.zeros_like(hidden)
         goals = gaps.poses.gather(1, after.unsqueeze(-1).expand_as(gaps.poses))
         left = (after - gaps.times).clamp_min(0)
-        arrivals = sinusoids(left, self.half)
+        arrivals = sinusoids(left, self.narrow)
         targets = self.target(goals) + arrivals
-        noise = torch.zeros(count, 2 * self.half, device=pose.device)
+        noise = torch.zeros(count, 2 * self.narrow, device=pose.device)
         if generator is not None:
             noise = _TARGET_NOISE * torch.randn(noise.shape, generator=generator, device=pose.device)
         blurred = ((left - _NO_NOISE) / (_FULL_NOISE - _NO_NOISE)).clamp(0, 1).unsqueeze(-1)

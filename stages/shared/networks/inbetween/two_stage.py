@@ -19,9 +19,7 @@ from stages.shared.networks.layers.sizes import MethodSizes
 from stages.shared.networks.pumps.synthesiser import place_in_gap
 
 _LONGEST = 64  # frames apart that attention distinguishes
-_SMOOTHNESS = (
-    0.5  # weight of the change of positions from frame to frame (0.005 a centimetre in the authors' settings)
-)
+_SMOOTHNESS = 0.5  # weight of positions' change from frame to frame; 0.005 a centimetre in the authors' settings
 
 
 class _Stage(nn.Module):

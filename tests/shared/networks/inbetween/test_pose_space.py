@@ -58,7 +58,7 @@ def test_where_a_window_is_and_which_way_it_faces_mean_nothing():
     made = space(heads, rotations)
     vectors = made.vectors(heads, rotations, made.placement(heads, KNOWN))
     yaw = Rotation.from_rotvec([0, 1.9, 0])
-    moved = torch.from_numpy(yaw.apply(heads.reshape(-1, 3)).reshape(heads.shape) + [3.0, 0, -2.0])
+    moved = torch.from_numpy(yaw.apply(heads.reshape(-1, 3)).reshape(heads.shape) + np.array([3.0, 0, -2.0]))
     turned = torch.from_numpy((yaw * Rotation.from_quat(rotations.reshape(-1, 4))).as_quat()).view_as(rotations)
     other = made.vectors(moved, turned, made.placement(moved, KNOWN))
     torch.testing.assert_close(other, vectors, atol=1e-6, rtol=0)
