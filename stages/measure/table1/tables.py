@@ -101,7 +101,7 @@ def _compared(rows: Sequence[MetricRow], column: tuple[str, int, str], name: str
     (ours, weights), (theirs, their_weights) = columns(name), columns(best)
     ratio = ratio_interval(ours, weights, theirs, their_weights, seed)
     differ = len(clips) > 1 and bool((ours != theirs).any())
-    chance = float(wilcoxon(ours, theirs).pvalue) if differ else 1.0
+    chance = float(wilcoxon(ours, theirs)[1]) if differ else 1.0  # pyright: ignore[reportArgumentType]
     return Entry(f"×{ratio.value:.2f}", span_text(ratio, 2), f"p {chance:.2g}")
 
 
