@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,13 @@ class WindowBatch:
     def poses(self) -> Poses:
         """The true windows."""
         return Poses.of(self.skeleton, list(self.motions))
+
+
+class StatisticsWindows(NamedTuple):
+    """Windows of 50 frames: joints' positions (N, 50, J, 3) metres, and the pelvis' rotations (N, 50, 4)."""
+
+    positions: np.ndarray
+    roots: np.ndarray
 
 
 class MeasuredClips:
@@ -106,8 +114,8 @@ class MeasuredClips:
         """Drop the clips in memory."""
         self._cache.clear()
 
-    def statistics_windows(self, skeleton_id: str) -> tuple[np.ndarray, bool]:
-        """(N, 50, J, 3) positions for the training statistics of a skeleton, and whether they are of training clips.
+    def statistics_windows(self, skeleton_id: str) -> tuple[StatisticsWindows, bool]:
+        """Windows for the training statistics of a skeleton, and whether they are of training clips.
 
         For a skeleton without a training clip, its measured clips are used.
         """
@@ -117,17 +125,20 @@ class MeasuredClips:
         picks = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), STATISTICS_CLIPS)).round().astype(int))
         skeleton = self._reader.skeleton(skeleton_id)
         cut: list[np.ndarray] = []
+        roots: list[np.ndarray] = []
         for pick in picks:
-            positions = positions_of(skeleton, self._at_model_rate(rows[pick].clip))
-            starts = range(0, len(positions) - STATISTICS_WINDOW + 1, STATISTICS_STRIDE)
+            motion = self._at_model_rate(rows[pick].clip)
+            positions = positions_of(skeleton, motion)
+            starts = range(0, len(positions) - STATISTICS_WINDOW, STATISTICS_STRIDE)
             cut += [positions[start : start + STATISTICS_WINDOW] for start in starts]
+            roots += [motion.rotations[start : start + STATISTICS_WINDOW, skeleton.root] for start in starts]
         if not cut:
             raise InputError(
                 f"{self._reader.artefact.path} has no clip of {STATISTICS_WINDOW} frames at 30 fps on the skeleton "
                 f"{skeleton_id}, from which the lafan1 protocol takes its statistics.",
                 "Use --protocol pumps, which needs none.",
             )
-        return np.stack(cut), bool(training)
+        return StatisticsWindows(np.stack(cut), np.stack(roots)), bool(training)
 
     def _cut(self, window: Window) -> Motion:
         if window.clip not in self._cache:

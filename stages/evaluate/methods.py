@@ -23,10 +23,10 @@ from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClou
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.networks.layers.device import choose_device
-from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
+from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses, zero_velocity
 from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRUTH
 from stages.shared.statistics.method_notes import MeasuredWeights
-from stages.shared.statistics.tasks import PREDICTION
+from stages.shared.statistics.tasks import PREDICTION, TRANSITION
 from stages.shared.statistics.windows import Task, Window
 from stages.shared.weights.shipped import CONFIDENCE_NAME, named_source, parts_of, weights_folder
 
@@ -108,6 +108,8 @@ Loaded = LoadedWeights | LoadedInterpolator
 def methods_for(task: Task, loaded: Sequence[Loaded], config: Config) -> list[Method]:
     """All methods of a task's table, the plain ones first."""
     plain = PREDICTION_BASELINES if task.name == PREDICTION else BASELINES
+    if config.protocol == "lafan1" and task.name == TRANSITION:
+        plain = {**plain, "zero-velocity": zero_velocity}  # that benchmark's other row
     methods = [Method(name, _plain_fill(function)) for name, function in plain.items() if config.plain]
     options = FillOptions(foot_lock=config.foot_lock)
     methods += [

@@ -35,6 +35,7 @@ from stages.shared.statistics.measurements import (
     Truth,
     first_frame_of,
     hip_joints,
+    is_lafan1,
     measure,
     measure_lafan1,
     measured_joints,
@@ -45,7 +46,7 @@ from stages.shared.statistics.method_notes import MeasuredWeights, MethodFacts
 from stages.shared.statistics.pop_tables import pop_lines
 from stages.shared.statistics.tables import cells, terminal_lines
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
-from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
+from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, LAFAN1_STRIDE, Task, Window
 
 
 @dataclass
@@ -89,7 +90,13 @@ class _Statistics:
     def of(self, batch: WindowBatch, joints: np.ndarray, across: np.ndarray) -> np.ndarray:
         if batch.skeleton_id not in self.made:
             windows, of_training = self.clips.statistics_windows(batch.skeleton_id)
-            self.made[batch.skeleton_id] = position_deviation(windows, joints, across, batch.skeleton.root)
+            self.made[batch.skeleton_id] = position_deviation(
+                windows.positions,
+                joints,
+                across,
+                batch.skeleton.root,
+                windows.roots if is_lafan1(batch.skeleton) else None,
+            )
             if not of_training:
                 self.borrowed.append(batch.skeleton_id)
         return self.made[batch.skeleton_id]
@@ -137,10 +144,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 def tasks_of(config: Config) -> list[Task]:
     """The tasks that a config asks for, in its order."""
-    context = LAFAN1_CONTEXT if config.protocol == "lafan1" else (CONTEXT, CONTEXT)
+    lafan1 = config.protocol == "lafan1"
+    context = LAFAN1_CONTEXT if lafan1 else (CONTEXT, CONTEXT)
     lengths = {INTERPOLATION: config.intervals, TRANSITION: config.transitions, PREDICTION: config.predictions}
     return [
-        Task(name, interval, config.window, context)
+        Task(name, interval, config.window, context, LAFAN1_STRIDE if lafan1 and name == TRANSITION else 0)
         for name in dict.fromkeys(config.tasks)
         for interval in dict.fromkeys(lengths[name])
     ]
@@ -208,7 +216,8 @@ def _measurements(made: Made, by: _MeasuredBatch, statistics: _Statistics, confi
         return measure(positions, rotations, by.truth, by.joints) | felt
     across = hip_joints(by.batch.skeleton)
     deviation = statistics.of(by.batch, by.joints, across)
-    return measure_lafan1(positions, rotations, by.truth, by.joints, across, deviation)
+    roots = is_lafan1(by.batch.skeleton)
+    return measure_lafan1(positions, rotations, by.truth, by.joints, across, deviation, by_root=roots)
 
 
 def _facts(loaded: Loaded, clips: MeasuredClips) -> MeasuredWeights:
