@@ -2,6 +2,8 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
+# make table1      PUMPS Table 1: ten methods on two rigs, BUDGET=12 minutes of training each, WINDOWS=40 of each kind of
+#                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
@@ -48,13 +50,16 @@ HELD_OUT_WINDOWS ?= 40
 RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
+BUDGET ?= 12
+WINDOWS ?= 40
+GOAL   ?=
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -92,7 +97,7 @@ R := $(RUNS)/$(or $(RUN),mine)
 ifneq (,$(wildcard $(R)/run.mk))
 include $(R)/run.mk
 else
-run run-data run-measure run-pages run-rigs run-table1 run-table2 run-table3:
+run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-table1 run-table2 run-table3:
 	@test -f $(R)/run.mk || { echo '$(R)/run.mk is not there; the target that makes the run writes it.' >&2; exit 2; }
 endif
 
@@ -105,6 +110,8 @@ reproduce: install
 
 fill:
 	$(call made,mine,,--with 'weights=$(COMPARE)')
+table1: install
+	$(call made,table1,$(GOAL),--with 'minutes=$(BUDGET)' --with "half=$$(awk 'BEGIN { print $(BUDGET) / 2 }')" --with 'windows=$(WINDOWS)')
 table2: install
 	$(call made,table2)
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install

@@ -26,6 +26,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("train", "baseline"),
+        "Train another method of filling on one skeleton's motions (PUMPS Table 1).",
+        ("tpc",), "checkpoint",
+        "pumps train baseline --preset table1 --method delta --tpc runs/mine/sample-tpc -o runs/mine/delta",
+        pipeline=False,
+    ),
+    Stage(
         ("weights", "average"),
         "Average several trainings that started from the same weights.",
         ("checkpoint",), "checkpoint",
@@ -52,6 +59,13 @@ STAGES: tuple[Stage, ...] = (
         ("tpc", "checkpoint"), "metrics",
         "pumps measure pcmrl --truth runs/mine/sample-tpc --weights mine=runs/mine/train-citl -o runs/mine/measure",
         pipeline=False,
+    ),
+    Stage(
+        ("measure", "table1"),
+        "Join evaluations of several methods into PUMPS Table 1.",
+        ("metrics",), "metrics",
+        "pumps measure table1 runs/mine/slerp runs/mine/delta --ours pumps -o runs/mine/table1",
+        arguments=("metrics",), pipeline=False,
     ),
     Stage(
         ("measure", "motions"),

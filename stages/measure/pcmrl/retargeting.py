@@ -15,11 +15,11 @@ from data_schemas.metrics import MetricRow
 from data_schemas.skeleton import BODY_GROUPS
 from data_schemas.tpc import BoneSet, TpcReader
 from stages.measure.pcmrl.config import Config
-from stages.measure.pcmrl.named import category_of, named
 from stages.shared.pointcloud.drawn_points import drawn_on_bones
 from stages.shared.pointcloud.knn_loss import nearest_trajectories
 from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.progress import Progress
+from stages.shared.statistics.categories import category_of, named
 from stages.shared.statistics.tasks import RETARGETING
 from stages.shared.statistics.windows import Window, chosen_windows
 
