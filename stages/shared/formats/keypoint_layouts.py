@@ -124,3 +124,14 @@ def landmark_columns(layout: str) -> tuple[np.ndarray, np.ndarray]:
     pairs = [(at, LANDMARKS.index(own[name])) for at, name in enumerate(names_of_layout(layout)) if name in own]
     columns, landmarks = np.array(pairs).T
     return columns, landmarks
+
+
+def landmark_mask(layout: str) -> np.ndarray:
+    """(L,) bool, which of `LANDMARKS` can be found among the points of a layout."""
+    names = set(names_of_layout(layout))
+    return np.array(
+        [
+            any(set(way) <= names for way in ((landmark,), *_MIDDLES.get(landmark, ())))
+            for landmark in LANDMARKS
+        ]
+    )
