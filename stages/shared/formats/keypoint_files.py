@@ -177,3 +177,14 @@ def _columns(head: dict[str, list[str]], name: str) -> tuple[dict[str, np.ndarra
         owner: np.array([own[part][key] for part in names for key in ("x", "y", missing)])
         for owner, own in found.items()
     }, names
+
+
+def holds_keypoints(path: str) -> bool:
+    """Whether a path is that of 2D keypoints; a folder or an archive is, of one file a frame.
+
+    Raises: InputError if there is no such file.
+    """
+    if Path(path).is_dir() or path.lower().endswith((".zip", ".tar", ".tar.gz", ".tgz")):
+        return True
+    source = source_named(path)
+    return looks_like_keypoints(source.read(), source.name)

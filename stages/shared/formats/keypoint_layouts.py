@@ -11,25 +11,30 @@ from stages.shared.formats.joint_lists import measured_joints
 from stages.shared.formats.joint_matching import matched, plain_name
 from stages.shared.humanoid.landmarks import LANDMARKS
 
-_BODY25 = (
+
+def _points(names: str) -> tuple[str, ...]:
+    return tuple(names.split())
+
+
+_BODY25 = _points(
     "nose neck right_shoulder right_elbow right_wrist left_shoulder left_elbow left_wrist hip right_hip right_knee"
-    " right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear left_toe left_small_toe left_heel"
-    " right_toe right_small_toe right_heel"
-).split()
+    " right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear left_toe left_small_toe"
+    " left_heel right_toe right_small_toe right_heel"
+)
 # Human3.6M's 17 are joints of a skeleton: its thorax lies between the shoulders, its head is the top of the head.
-_H36M17 = (
+_H36M17 = _points(
     "hip right_hip right_knee right_ankle left_hip left_knee left_ankle spine neck face head_top left_shoulder"
     " left_elbow left_wrist right_shoulder right_elbow right_wrist"
-).split()
+)
 # Halpe's head is the top of the head.
 _HALPE26 = [{"head": "head_top"}.get(name, name.replace("big_toe", "toe")) for name in measured_joints("halpe26")]
 
 # Layout -> the names of its points, in the order of the data.
 LAYOUTS: dict[str, tuple[str, ...]] = {
     "coco17": tuple(measured_joints("coco17")),
-    "body25": tuple(_BODY25),
+    "body25": _BODY25,
     "mediapipe33": tuple(measured_joints("mediapipe33")),
-    "h36m17": tuple(_H36M17),
+    "h36m17": _H36M17,
     "halpe26": tuple(_HALPE26),
 }
 NAMED = "named"  # points that state their names, as DeepLabCut's
@@ -130,8 +135,5 @@ def landmark_mask(layout: str) -> np.ndarray:
     """(L,) bool, which of `LANDMARKS` can be found among the points of a layout."""
     names = set(names_of_layout(layout))
     return np.array(
-        [
-            any(set(way) <= names for way in ((landmark,), *_MIDDLES.get(landmark, ())))
-            for landmark in LANDMARKS
-        ]
+        [any(set(way) <= names for way in ((landmark,), *_MIDDLES.get(landmark, ()))) for landmark in LANDMARKS]
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -52,7 +52,8 @@ class Keypoints:
     """One person's keypoints.
 
     names: of K points, as `stages.shared.formats.keypoint_layouts` spells them. layout: their layout, or "named".
-    places: (T, K, 2) pixels, x to the right and y down; NaN where missing. confidences: (T, K) 0 to 1, 0 where missing.
+    places: (T, K, 2) pixels, x to the right and y down; NaN where missing.
+    confidences: (T, K) 0 to 1, 0 where missing.
     size: width and height of the image in pixels, None if unknown. fps: None if unknown.
     people: how many people the file follows. missing: frames without this person.
     """
@@ -211,8 +212,3 @@ def _over_time(
             raise InputError(f"{name}, frame {number}: a person has {len(points)} keypoints, and before {count}.")
         out[number - numbers[0]] = points
     return out[..., :2], out[..., 2]
-
-
-def with_rate(keypoints: Keypoints, fps: float | None) -> Keypoints:
-    """The keypoints with another rate, if one is given."""
-    return keypoints if fps is None else replace(keypoints, fps=fps)

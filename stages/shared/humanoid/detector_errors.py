@@ -21,9 +21,7 @@ _SIGMAS = {
 SIGMAS = np.array([_SIGMAS[name.removeprefix("left_").removeprefix("right_")] for name in LANDMARKS])
 _MIRROR = np.array(
     [
-        LANDMARKS.index(
-            name.replace("left", "right") if name.startswith("left") else name.replace("right", "left")
-        )
+        LANDMARKS.index(name.replace("left", "right") if name.startswith("left") else name.replace("right", "left"))
         for name in LANDMARKS
     ]
 )
@@ -74,7 +72,9 @@ def with_errors(
     # A point is seen badly for a while: its noise is larger, and its confidence lower.
     bad = np.exp(0.5 * _smoothed(rng.standard_normal((frames, count, 1)), 0.9))
     out = places + level * size * SIGMAS[:, None] * bad * drawn
-    trust = np.clip(0.95 - 0.25 * level * (bad[..., 0] - 0.4) + 0.03 * rng.standard_normal((frames, count)), 0.05, 1.0)
+    trust = np.clip(
+        0.95 - 0.25 * level * (bad[..., 0] - 0.4) + 0.03 * rng.standard_normal((frames, count)), 0.05, 1.0
+    )
     far = rng.random((frames, count)) < errors.outliers
     out[far] += 0.3 * size * rng.standard_normal((int(far.sum()), 2))
     trust[far] *= rng.uniform(0.3, 1.0, int(far.sum()))

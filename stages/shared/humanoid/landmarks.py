@@ -1,7 +1,7 @@
 """The landmarks of a body that 2D pose detectors know, as places on the bones of any rig.
 
-Joints of the limbs come from the rig's own chains. What no rig has a joint for (nose, eyes, ears, heels, the middle of
-the back) is placed by the proportions of an average adult, in units of the rig's own leg.
+Joints of the limbs come from the rig's own chains. What no rig has a joint for (nose, eyes, ears, heels, the middle
+of the back) is placed by the proportions of an average adult, in units of the rig's own leg.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ _LOWER_SHARE = 0.93  # forearm over upper arm, shin over thigh
 _NAMED = {
     name: frozenset(words.split())
     for name, words in {
-        "shoulder": "arm upperarm uparm humerus shldr oberarm", "elbow": "elbow forearm lowerarm lowarm radius unterarm",
+        "shoulder": "arm upperarm uparm humerus shldr oberarm",
+        "elbow": "elbow forearm lowerarm lowarm radius unterarm",
         "wrist": "wrist hand", "hip": "upleg upperleg upperlegs thigh femur oberschenkel",
         "knee": "leg knee shin calf tibia lowerleg lowleg unterschenkel", "ankle": "ankle foot fuss",
     }.items()
@@ -160,7 +161,7 @@ class _PosedRig:
         found[f"{side}_heel"] = ankle, at + self._in_frame_of(ankle, _HEEL)
 
     def add_trunk(self, found: dict[str, Carried]) -> None:
-        """Pelvis and neck midway between hips and shoulders, as detectors have them; the back midway between those."""
+        """Pelvis and neck midway between hips and shoulders, as detectors have them; the back midway between them."""
         for name, pair, bone in (
             ("pelvis", ("left_hip", "right_hip"), self.parts.pelvis),
             ("neck", ("left_shoulder", "right_shoulder"), self._chest()),

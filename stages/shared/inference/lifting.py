@@ -43,8 +43,9 @@ class PlacedCamera:
 
 @dataclass(frozen=True)
 class Lifted:
-    """motion: on the lifter's rig, level, the floor at height 0, its first frame above the origin. camera: that saw it.
+    """motion: on the lifter's rig, level, the floor at height 0, its first frame above the origin.
 
+    camera: that saw it.
     error: (T,) distance between keypoints and the result projected, metres at the body's distance, root mean square;
     NaN in frames without keypoints. view: the solved camera and path.
     """
@@ -56,7 +57,7 @@ class Lifted:
 
 
 def assumed_intrinsics(keypoints: Keypoints, size: tuple[float, float] | None) -> Intrinsics:
-    """A camera of an ordinary field of view; without an image size, one whose image the keypoints lie in the middle of."""
+    """A camera of an ordinary field of view; without an image size, its middle is that of the keypoints."""
     if size is not None:
         larger = max(size)
         found = intrinsics_of_fov(DEFAULT_FOV_DEG, (larger, larger))
@@ -124,7 +125,7 @@ def _at_model_rate(rays: np.ndarray, trust: np.ndarray, fps: float) -> tuple[np.
 
 
 def _posed(model: PoseModel, task: EstimateTask, rays: np.ndarray, trust: np.ndarray, known: bool) -> BodyPose:
-    """Poses (1, T) whose frame of reference is level and seen along the camera's axis, with the root at the origin."""
+    """Poses (1, T) in a level frame that is seen along the camera's axis, with the root at the origin."""
 
     def of_window(start: int, stop: int) -> BodyPose:
         seen = see_keypoints(rays[None, start:stop], trust[None, start:stop], np.array([known]))

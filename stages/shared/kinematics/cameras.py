@@ -92,6 +92,23 @@ def random_place(rng: np.random.Generator, target: np.ndarray, body_m: float = 1
     return target + distance * direction
 
 
+def placed_around(
+    position: np.ndarray,
+    target: np.ndarray,
+    azimuth_deg: float | None,
+    elevation_deg: float | None,
+    distance_m: float | None,
+) -> np.ndarray:
+    """(3,) a camera's position with some of its direction and distance from a target (3,) replaced."""
+    away = position - target
+    level = float(np.hypot(away[0], away[2]))
+    azimuth = np.arctan2(away[0], away[2]) if azimuth_deg is None else np.radians(azimuth_deg)
+    elevation = np.arctan2(away[1], level) if elevation_deg is None else np.radians(elevation_deg)
+    distance = float(np.linalg.norm(away)) if distance_m is None else distance_m
+    flat = np.cos(elevation)
+    return target + distance * np.array([np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat])
+
+
 def view_yaw(position: np.ndarray, target: np.ndarray) -> np.ndarray:
     """(..., 4) rotations about Y from the world to the view's frame: level, the camera looks along -Z.
 

@@ -26,9 +26,12 @@ from stages.shared.pose_tasks.mirrored import mirror_of_rig
 from stages.shared.pose_tasks.task import PoseTask, TaskBatch, mean_norm
 
 PAPER, SEEN, DETECTED = "paper", "landmarks", "detector"
-CAMERA_FEATURES = 4  # the window's middle as a ray (2), the logarithm of its size in rays, and whether these are known
+CAMERA_FEATURES = (
+    4  # the window's middle as a ray (2), the logarithm of its size in rays, and whether these are known
+)
 LEAST_POINTS = 4  # that a frame must have to be read
 _ROOT_WEIGHT = 0.2  # of the root's path, which 2D keypoints of a body of unknown size determine badly
+_VELOCITY_WEIGHT = 2.0  # of the joints' velocities, metres a frame
 _MOST_STRETCHED = 1.3  # factor on the length of a bone
 _MOVED_M = 0.015  # what a detector calls a hip is not quite where a rig has its joint
 _OFF_AXIS = 0.25  # how far the body's middle may lie from the image's, as a ray
@@ -85,6 +88,7 @@ class EstimateTask(PoseTask):
 
     name: ClassVar[str] = "estimate"
     corruptions: ClassVar[tuple[str, ...]] = (PAPER, SEEN, DETECTED)
+    from_root: ClassVar[bool] = True
 
     def __init__(self, rig: Rig, corruption: str):
         super().__init__(rig, corruption)
@@ -194,10 +198,16 @@ class EstimateTask(PoseTask):
         return 1.1 * float(rest[:, 1].max() - rest[:, 1].min())
 
     def errors(self, made: BodyPose, batch: TaskBatch) -> dict[str, Tensor]:
-        """Joint-wise L2 of positions from the root (metres), of quaternions, and of the root's path."""
+        """Joint-wise L2 of positions from the root (metres), of quaternions and of the root's path; except for
+        `paper`, also of the joints' velocities."""
         found = super().errors(_rooted(made), _with_target(batch, _rooted(batch.target)))
         apart = (made.roots - batch.target.roots).unsqueeze(-2)
-        return found | {"root": _ROOT_WEIGHT * mean_norm(apart, batch.valid)}
+        found["root"] = _ROOT_WEIGHT * mean_norm(apart, batch.valid)
+        if self.corruption != PAPER:  # a detector's jitter must not become the motion's
+            body = self.rig.body
+            moved = _rooted(made).heads(body) - _rooted(batch.target).heads(body)
+            found["velocity"] = _VELOCITY_WEIGHT * mean_norm(moved[:, 1:] - moved[:, :-1], batch.valid[:, 1:])
+        return found
 
     def measures(self, made: BodyPose, batch: TaskBatch) -> dict[str, float]:
         """`mpjpe_mm` from the root, `mpjve_mm` a frame of the same, `root_mm` of the root's path."""

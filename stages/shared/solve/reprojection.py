@@ -93,9 +93,7 @@ def _through(points: np.ndarray, rays: np.ndarray, camera: np.ndarray) -> tuple[
     return rotate(turn, points), rays * (np.exp(-camera[2]) if len(camera) > 2 else 1.0)
 
 
-def _equations(
-    points: np.ndarray, rays: np.ndarray, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _equations(points: np.ndarray, rays: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Normal equations (T, 3, 3) and (T, 3) of the shift d with (p + d)_xy = ray (p + d)_z, weighted."""
     ones, zeros = np.ones(rays.shape[:2]), np.zeros(rays.shape[:2])
     rows = np.stack(

@@ -36,6 +36,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     task = task_named(config.task, rig, config.corruption)
     torch.manual_seed(config.seed)  # weights are drawn only here; parameters have no other generator
     network, settings, sources = started_network(config, task.features, outputs_of(rig.body))
+    network.from_root = settings["from_root"] = task.from_root
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
         pool, held_back = rig_pools(reader, rig, config)

@@ -1,0 +1,29 @@
+"""The shipped weights that are one network for one task, such as the lifter: a checkpoint each, in a folder of its
+name. Opens no file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from data_schemas.errors import InputError
+from stages.shared.weights.shipped import SHIPPED
+
+
+def shipped_task_weights() -> list[str]:
+    """Names of the task networks that come with the package."""
+    return sorted(each.parent.name for each in SHIPPED.glob("*/manifest.json"))
+
+
+def task_weights(name_or_path: str | Path) -> Path:
+    """The checkpoint's folder that a name or path means.
+
+    Raises: InputError naming the shipped ones, where it means none.
+    """
+    for folder in (Path(name_or_path), SHIPPED / str(name_or_path)):
+        if (folder / "manifest.json").is_file():
+            return folder
+    shipped = ", ".join(shipped_task_weights()) or "none"
+    raise InputError(
+        f"There are no weights {name_or_path}: neither a checkpoint's folder, nor shipped ({shipped}).",
+        "Give --weights the folder that `pumps train finetune` wrote into.",
+    )
