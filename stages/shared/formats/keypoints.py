@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import InputError
-from stages.shared.formats.keypoint_layouts import LAYOUTS, layout_of_count, names_of_layout, standard_names
+from stages.shared.formats.keypoint_layouts import LAYOUTS, NAMED, layout_of_count, names_of_layout, standard_names
 
 MOST_POINTS = 256  # of one person
 MOST_PEOPLE = 200  # in one frame
@@ -130,6 +130,7 @@ def person_of(
             f"{name} has {count} keypoints a person, and the layout {layout} has {len(names)}.",
             f"Known are {', '.join(f'{each} ({len(own)})' for each, own in LAYOUTS.items())}.",
         )
+    layout = layout or next((each for each, own in LAYOUTS.items() if own == names), NAMED)
     size = size or found.size
     if found.shares and size is None:
         raise InputError(
@@ -145,7 +146,7 @@ def person_of(
             "Choose another --person, or detect again.",
         )
     return Keypoints(
-        names, layout or "named", places, confidences, size, found.fps, len(tracks), int((~enough).sum())
+        names, layout, places, confidences, size, found.fps, len(tracks), int((~enough).sum())
     )
 
 

@@ -16,6 +16,7 @@ from data_schemas.skeleton import Motion
 from stages.shared.formats.keypoint_layouts import landmark_tracks
 from stages.shared.formats.keypoints import Keypoints
 from stages.shared.inference.pose_model import PoseModel, blended
+from stages.shared.inference.pose_refining import refine_pose
 from stages.shared.kinematics.cameras import DEFAULT_FOV_DEG, Intrinsics, intrinsics_of_fov, level_camera
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import find_feet, floor_levels
@@ -93,9 +94,10 @@ def lift(model: PoseModel, keypoints: Keypoints, intrinsics: Intrinsics, *, know
     rays, trust = _at_model_rate(intrinsics.rays(places), trust, fps)
     pose = _posed(model, task, rays, trust, known)
     rig = model.rig
-    points = task.landmark_places(pose)[0].double().numpy()
-    view = solve_view(points, rays, trust, fps=MODEL_FPS, known=known)
-    motion = rig.motion(torch.from_numpy(view.path).float(), pose.rotations[0], MODEL_FPS)
+    view = solve_view(_landmarks_of(task, pose.rotations), rays, trust, fps=MODEL_FPS, known=known)
+    refined = refine_pose(rig.body, task.landmarks, pose.rotations[0], view, rays, trust)
+    view = solve_view(_landmarks_of(task, refined.rotations[None]), rays, trust, fps=MODEL_FPS, known=known)
+    motion = rig.motion(torch.from_numpy(view.path).float(), refined.rotations, MODEL_FPS)
     motion = resample(motion, fps)
     motion = motion.at(slice(0, frames))
     moved, shift = _on_floor(model, motion)
@@ -105,6 +107,11 @@ def lift(model: PoseModel, keypoints: Keypoints, intrinsics: Intrinsics, *, know
     )
     times = np.minimum(np.round(np.arange(frames) * MODEL_FPS / fps).astype(int), len(view.error) - 1)
     return Lifted(moved, camera, view.error[times], view)
+
+
+def _landmarks_of(task: EstimateTask, rotations: torch.Tensor) -> np.ndarray:
+    """(T, L, 3) landmarks of poses (1, T, J, 4), from the root, metres."""
+    return task.landmark_places(BodyPose(torch.zeros(*rotations.shape[:2], 3), rotations))[0].double().numpy()
 
 
 def _at_model_rate(rays: np.ndarray, trust: np.ndarray, fps: float) -> tuple[np.ndarray, np.ndarray]:

@@ -18,9 +18,10 @@ from stages.shared.kinematics.rotations import conjugate, rotate
 
 POSE_ERROR_M = 0.06  # standard deviation of a point of the pose
 BEND_M = 0.004  # of the path's second difference at 30 frames a second
-_PITCH_PRIOR, _ROLL_PRIOR, _ZOOM_PRIOR = np.radians(25.0), np.radians(3.0), 0.25
+_PITCH_PRIOR, _ROLL_PRIOR, _ZOOM_PRIOR = np.radians(10.0), np.radians(2.0), 0.1
+_CAMERA_EVIDENCE = 40.0  # points that the errors of all weigh as much as: those of a pose are alike over a clip
 _ROBUST = 2.0  # standard deviations from which a point counts less
-_ROUNDS = 4
+_ROUNDS = 5
 _MOST_FRAMES = 80  # that the camera is found from
 _NEAREST_M, _FARTHEST_M = 0.3, 100.0
 
@@ -61,12 +62,16 @@ def solve_view(
     enough = np.flatnonzero((trust > 0).sum(axis=1) >= 3)
     some = enough[np.unique(np.linspace(0, len(enough) - 1, _MOST_FRAMES).round().astype(int))]
 
+    straight, _ = _through(points[some], rays[some], np.zeros(2))
+    depth = _paths_alone(straight, rays[some], trust[some])[:, 2]
+
     def residuals(camera: np.ndarray) -> np.ndarray:
         turned, zoomed = _through(points[some], rays[some], camera)
         path = _paths_alone(turned, zoomed, trust[some])
-        apart = _apart(turned, zoomed, path) * np.sqrt(trust[some])[..., None] / POSE_ERROR_M
+        # At one depth for all cameras: else the nearest path would have the least error.
+        apart = _apart(turned, zoomed, path, depth) * np.sqrt(trust[some])[..., None] / POSE_ERROR_M
         # Scaled so that the priors weigh as much beside a long clip as beside a short one: frames are not independent.
-        scale = np.sqrt(20.0 / max(20.0, float(len(some) * 8)))
+        scale = np.sqrt(_CAMERA_EVIDENCE / max(_CAMERA_EVIDENCE, float(trust[some].sum())))
         prior = camera / np.array([_PITCH_PRIOR, _ROLL_PRIOR, _ZOOM_PRIOR])[: len(camera)]
         return np.concatenate([scale * apart.ravel(), prior])
 
@@ -105,17 +110,33 @@ def _equations(points: np.ndarray, rays: np.ndarray, weights: np.ndarray) -> tup
 
 
 def _paths_alone(points: np.ndarray, rays: np.ndarray, trust: np.ndarray) -> np.ndarray:
-    """(T, 3) shifts of each frame by itself."""
-    left, right = _equations(points, rays, trust)
-    path = np.linalg.solve(left + 1e-9 * np.eye(3), right[..., None])[..., 0]
-    path[:, 2] = np.clip(path[:, 2], _NEAREST_M, _FARTHEST_M)
+    """(T, 3) shifts of each frame by itself; points that lie far off count less."""
+    weights = trust
+    path = np.zeros((len(points), 3))
+    for _ in range(_ROUNDS):
+        left, right = _equations(points, rays, weights)
+        path = np.linalg.solve(left + 1e-9 * np.eye(3), right[..., None])[..., 0]
+        path[:, 2] = np.clip(path[:, 2], _NEAREST_M, _FARTHEST_M)
+        weights = trust * _robust(points, rays, path, trust)
     return path
 
 
-def _apart(points: np.ndarray, rays: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """(T, K, 2) metres at the body's distance, from where the points are seen to where they are projected."""
-    moved = points + path[:, None]
-    return (projected(moved) - rays) * np.maximum(path[:, None, 2:], _NEAREST_M)
+def _robust(points: np.ndarray, rays: np.ndarray, path: np.ndarray, trust: np.ndarray) -> np.ndarray:
+    """(T, K) weights: 1 for points near to where they are projected, falling with the square of the distance in units
+    of the frame's own errors."""
+    apart = np.linalg.norm(_apart(points, rays, path), axis=-1)
+    ordered = np.sort(np.where(trust > 0, apart, np.inf), axis=1)
+    middle = np.maximum((trust > 0).sum(axis=1) - 1, 0) // 2
+    usual = np.take_along_axis(ordered, middle[:, None], axis=1)
+    scale = np.maximum(_ROBUST * POSE_ERROR_M, 1.5 * np.where(np.isfinite(usual), usual, 0.0))
+    return 1 / (1 + (apart / scale) ** 2)
+
+
+def _apart(points: np.ndarray, rays: np.ndarray, path: np.ndarray, depth: np.ndarray | None = None) -> np.ndarray:
+    """(T, K, 2) metres at a depth (T,), the body's own by default, from where points are seen to where they are
+    projected."""
+    depth = np.maximum(path[:, 2], _NEAREST_M) if depth is None else depth
+    return (projected(points + path[:, None]) - rays) * depth[:, None, None]
 
 
 def smooth_path(points: np.ndarray, rays: np.ndarray, trust: np.ndarray, fps: float) -> np.ndarray:
@@ -124,17 +145,14 @@ def smooth_path(points: np.ndarray, rays: np.ndarray, trust: np.ndarray, fps: fl
     A banded linear system, solved a few times with points that lie far off counting less; frames without points get
     the path between the others. Time and memory are linear in T.
     """
-    frames = len(points)
-    weights = trust.copy()
-    path = np.zeros((frames, 3))
+    path = _paths_alone(points, rays, trust)
     bend = 1.0 / (BEND_M * (30.0 / fps) ** 2) ** 2
     for _ in range(_ROUNDS):
         # A point's error at the body's distance is the equation's own, whose unit is metres.
+        weights = trust * _robust(points, rays, path, trust)
         left, right = _equations(points, rays, weights / POSE_ERROR_M**2)
         path = _solved(left, right, bend)
         path[:, 2] = np.clip(path[:, 2], _NEAREST_M, _FARTHEST_M)
-        apart = np.linalg.norm(_apart(points, rays, path), axis=-1) / POSE_ERROR_M
-        weights = trust / np.maximum(apart / _ROBUST, 1.0)
     return path
 
 
