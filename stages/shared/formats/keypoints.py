@@ -145,9 +145,7 @@ def person_of(
             f"{name}: no frame has {_LEAST_POINTS} keypoints of this person.",
             "Choose another --person, or detect again.",
         )
-    return Keypoints(
-        names, layout, places, confidences, size, found.fps, len(tracks), int((~enough).sum())
-    )
+    return Keypoints(names, layout, places, confidences, size, found.fps, len(tracks), int((~enough).sum()))
 
 
 def people_of(found: Detections) -> list[dict[int, np.ndarray]]:

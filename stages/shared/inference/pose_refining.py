@@ -1,4 +1,4 @@
-"""A lifted pose moved to where the keypoints are: a short optimisation of the rotations, the path and the proportions.
+"""A lifted pose moved to where the keypoints are: a short optimisation of rotations, path and proportions.
 
 The network's pose is the prior. What moves is how far the pose differs from it: rotations in the parents' frames,
 smooth over time; the path; and one factor each on the lengths of trunk, arms and legs, since the person in the image
@@ -24,13 +24,13 @@ _TURN_RAD = 0.3  # of a joint's rotation from the network's
 _BEND_RAD = 0.02  # of the second difference of that, at 30 frames a second
 _LENGTH = 0.08  # of the logarithm of a factor on lengths
 _ROBUST = 2.0  # standard deviations from which a keypoint counts less
-_STEPS, _RATE = 90, 0.03
+_STEPS, _RATE = 60, 0.04
 _PARTS = (0, 1, 1, 2, 2)  # of the body groups: trunk, arms, legs
 
 
 @dataclass(frozen=True)
 class Refined:
-    """rotations (T, J, 4) and path (T, 3) metres, in the level frame; lengths (3,) factors on trunk, arms and legs."""
+    """rotations (T, J, 4), path (T, 3) metres, in the level frame; lengths (3,) factors on trunk, arms and legs."""
 
     rotations: Tensor
     path: Tensor
@@ -73,8 +73,7 @@ def refine_pose(
         held = (places * factors[bones, None]).expand(len(world), -1, 3)
         return world, heads, heads[:, bones] + rotate(world[:, bones], held)
 
-    # The path moves by metres where joints turn by tenths of a radian.
-    optimiser = torch.optim.Adam([{"params": [turns]}, {"params": [shift], "lr": _RATE}, {"params": [lengths]}], lr=_RATE)
+    optimiser = torch.optim.Adam([turns, shift, lengths], lr=_RATE)
     for step in range(steps):
         for group in optimiser.param_groups:
             group["lr"] = _RATE * (1 - step / steps) ** 0.5

@@ -65,7 +65,7 @@ def projected(points: Array) -> Array:
 
 
 def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(..., 4) rotations of level cameras (no roll) at `position` (..., 3) whose principal point is `target` (..., 3).
+    """(..., 4) rotations of cameras without roll at `position` (..., 3) whose principal point is `target` (..., 3).
 
     A camera straight above or below its target has its image's up along -Z.
     """

@@ -82,7 +82,7 @@ class EstimateTask(PoseTask):
     """Random cameras look at windows of the rig's motion; the outputs are added to the rest pose, facing the camera.
 
     `paper`: all joints of the rig, without errors, the window's mean root at the principal point (PUMPS 5.1).
-    `landmarks`: the landmarks of pose detectors in their layouts, bodies of other proportions, cameras that do not aim.
+    `landmarks`: what pose detectors know, in their layouts; bodies of other proportions, cameras that do not aim.
     `detector`: the same with a detector's errors.
     """
 

@@ -70,7 +70,7 @@ def solve_view(
         path = _paths_alone(turned, zoomed, trust[some])
         # At one depth for all cameras: else the nearest path would have the least error.
         apart = _apart(turned, zoomed, path, depth) * np.sqrt(trust[some])[..., None] / POSE_ERROR_M
-        # Scaled so that the priors weigh as much beside a long clip as beside a short one: frames are not independent.
+        # The priors weigh as much beside a long clip as beside a short one: errors of frames are not independent.
         scale = np.sqrt(_CAMERA_EVIDENCE / max(_CAMERA_EVIDENCE, float(trust[some].sum())))
         prior = camera / np.array([_PITCH_PRIOR, _ROLL_PRIOR, _ZOOM_PRIOR])[: len(camera)]
         return np.concatenate([scale * apart.ravel(), prior])

@@ -14,6 +14,11 @@ def shipped_task_weights() -> list[str]:
     return sorted(each.parent.name for each in SHIPPED.glob("*/manifest.json"))
 
 
+def is_of_task(name_or_path: str | Path) -> bool:
+    """Whether a name or path means the weights of one task."""
+    return any((folder / "manifest.json").is_file() for folder in (Path(name_or_path), SHIPPED / str(name_or_path)))
+
+
 def task_weights(name_or_path: str | Path) -> Path:
     """The checkpoint's folder that a name or path means.
 

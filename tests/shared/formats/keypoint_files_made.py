@@ -27,9 +27,7 @@ def openpose_frames(people: list[np.ndarray]) -> dict[str, bytes]:
         f"video_{frame:012d}_keypoints.json": json.dumps(
             {
                 "version": 1.3,
-                "people": [
-                    {"person_id": [-1], "pose_keypoints_2d": rows[frame].ravel().tolist()} for rows in people
-                ],
+                "people": [{"person_id": [-1], "pose_keypoints_2d": rows[frame].ravel().tolist()} for rows in people],
             }
         ).encode()
         for frame in range(len(people[0]))
@@ -59,9 +57,7 @@ def coco_annotations(rows: np.ndarray) -> bytes:
         {"id": 90 + frame, "file_name": f"{frame:06d}.jpg", "width": SIZE[0], "height": SIZE[1]}
         for frame in range(len(rows))
     ]
-    annotations = [
-        {"image_id": 90 + frame, "keypoints": shown[frame].ravel().tolist()} for frame in range(len(rows))
-    ]
+    annotations = [{"image_id": 90 + frame, "keypoints": shown[frame].ravel().tolist()} for frame in range(len(rows))]
     return json.dumps({"images": images, "annotations": annotations}).encode()
 
 
@@ -81,7 +77,8 @@ def mmpose_video(rows: np.ndarray, layout: str) -> bytes:
 
 def easy_vitpose(rows: np.ndarray, layout: str) -> bytes:
     names = {str(at): name for at, name in enumerate(names_of_layout(layout))}
-    return json.dumps({"keypoints": [{"0": each[:, [1, 0, 2]].tolist()} for each in rows], "skeleton": names}).encode()
+    frames = [{"0": each[:, [1, 0, 2]].tolist()} for each in rows]
+    return json.dumps({"keypoints": frames, "skeleton": names}).encode()
 
 
 def mediapipe(rows: np.ndarray) -> bytes:

