@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, model_validator
+from pydantic.config import JsonDict
 
 from stages.shared.contract import OFTEN, VALUES, DeviceConfig, SeededConfig, WritingConfig
 
-_LAYOUTS = ["coco17", "body25", "mediapipe33", "h36m17", "halpe26"]
+_LAYOUTS: JsonDict = {**OFTEN, VALUES: ["coco17", "body25", "mediapipe33", "h36m17", "halpe26"]}
 
 
 class Config(WritingConfig, DeviceConfig, SeededConfig):
@@ -28,7 +29,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     )
     layout: str | None = Field(
         None,
-        json_schema_extra={**OFTEN, VALUES: _LAYOUTS},
+        json_schema_extra=_LAYOUTS,
         description="Layout of the keypoints, if it is not the one that the file or the number of points shows; for "
         "places in 3D the name of a joint list.",
     )

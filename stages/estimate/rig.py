@@ -9,7 +9,6 @@ from pathlib import Path
 import torch
 
 from data_schemas.errors import UsageError
-from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of, values_of
@@ -52,7 +51,7 @@ def target_of(path: Path | None, own: Rig | None) -> Target:
         rows = values_of(bvh, skeleton, made)
         return write_bvh(bvh, rows, frame_count=made.frames, frame_time=1 / made.fps), []
 
-    return Target(skeleton, poses, written, [f"{path}: {note}" for note in sentences_of(notes)])
+    return Target(skeleton, poses, written, [f"{path}: {note}" for note in notes])
 
 
 def _in_format(skeleton: Skeleton, made: Motion, file: Path) -> tuple[bytes, list[str]]:

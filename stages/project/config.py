@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
+from pydantic.config import JsonDict
 
 from stages.shared.contract import OFTEN, VALUES, SeededConfig, WritingConfig
 
-_LAYOUTS = ["coco17", "body25", "mediapipe33", "h36m17", "halpe26"]
+_LAYOUTS: JsonDict = {**OFTEN, VALUES: ["coco17", "body25", "mediapipe33", "h36m17", "halpe26"]}
 
 
 class Config(WritingConfig, SeededConfig):
@@ -19,9 +20,7 @@ class Config(WritingConfig, SeededConfig):
         description="Recording of any format that pumps reads (FILE.zip!MEMBER too), of which keypoints are made."
     )
     output: Path = Field(description="JSON to write, in the form of MMPose.")
-    layout: str = Field(
-        "coco17", json_schema_extra={**OFTEN, VALUES: _LAYOUTS}, description="Layout of the keypoints."
-    )
+    layout: str = Field("coco17", json_schema_extra=_LAYOUTS, description="Layout of the keypoints.")
     errors: Literal["none", "detector"] = Field(
         "none", json_schema_extra=OFTEN, description="detector: noise, missing points, swapped sides, confidences."
     )

@@ -73,7 +73,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     data = json_of_keypoints(keypoints, names, size, motion.fps, {"layout": config.layout, "camera": camera})
     write_output(config.output, data)
     progress.advance(note="written")
-    inside = (places > 0).all(axis=-1) & (places < np.array(size)).all(axis=-1)
+    inside = np.all((places > 0) & (places < np.array(size)), axis=-1)
     lines = [f"{len(places)} frames of {len(names)} keypoints ({config.layout}) in {config.output}."]
     if (share := float(inside[trust > 0].mean())) < 0.98:
         lines.append(f"Note: {1 - share:.0%} of the points lie outside the image; give a larger --distance or --fov.")

@@ -67,6 +67,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "estimate"),
+        "Measure networks from 2D keypoints to motion on held-out clips of their rig: PUMPS Table 3.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure estimate --tpc runs/mine/sample-tpc --weights mine=runs/mine/lifter -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",

@@ -103,7 +103,7 @@ def _of_arrays(data: bytes, name: str) -> Detections:
     points[..., : places.shape[2]] = places
     if scores is not None and scores.dtype.kind in "iuf" and scores.shape == places.shape[:2]:
         points[..., 2] = scores
-    frames = {at: [Detection(sound_points(row))] for at, row in enumerate(points)}
+    frames = {at: [Detection(sound_points(points[at]))] for at in range(len(points))}
     if names and len(names) != places.shape[1]:
         raise InputError(f"{name} has {places.shape[1]} keypoints but {len(names)} names.")
     return Detections(frames, names, size, fps=fps)

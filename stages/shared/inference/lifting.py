@@ -23,7 +23,7 @@ from stages.shared.kinematics.foot_contacts import find_feet, floor_levels
 from stages.shared.kinematics.forward_numpy import positions_of
 from stages.shared.kinematics.resampling import resample
 from stages.shared.pose_tasks.body_pose import BodyPose
-from stages.shared.pose_tasks.estimate import PAPER, EstimateTask, see_keypoints
+from stages.shared.pose_tasks.estimate import OF_JOINTS, EstimateTask, see_keypoints
 from stages.shared.solve.reprojection import SolvedView, solve_view
 
 _LEAST_POINTS = 6
@@ -79,7 +79,7 @@ def lift(model: PoseModel, keypoints: Keypoints, intrinsics: Intrinsics, *, know
     """
     task = model.task
     assert isinstance(task, EstimateTask)
-    if task.corruption == PAPER:
+    if task.corruption in OF_JOINTS:
         raise InputError(
             "These weights were trained on the projected joints of a rig, which no pose detector gives.",
             "Train with --corruption detector.",

@@ -7,7 +7,7 @@ does not depend on where camera and body stand, and whoever faces the camera fac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -19,22 +19,23 @@ from stages.shared.formats.keypoint_layouts import LAYOUTS, landmark_mask
 from stages.shared.humanoid.detector_errors import DETECTOR, NONE, with_errors
 from stages.shared.humanoid.landmarks import LANDMARKS, landmarks_of
 from stages.shared.kinematics.cameras import in_camera, look_at, projected, random_place, view_yaw
+from stages.shared.kinematics.forward_numpy import positions_of
 from stages.shared.kinematics.rotations import multiply, rotate
-from stages.shared.pointcloud.rig import Rig, pose_heads
+from stages.shared.pointcloud.rig import Rig, RigBody, pose_heads
 from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.mirrored import mirror_of_rig
 from stages.shared.pose_tasks.task import PoseTask, TaskBatch, mean_norm
 
-PAPER, SEEN, DETECTED = "paper", "landmarks", "detector"
-CAMERA_FEATURES = (
-    4  # the window's middle as a ray (2), the logarithm of its size in rays, and whether these are known
-)
+PAPER, MASKED, SEEN, DETECTED = "paper", "masked", "landmarks", "detector"
+OF_JOINTS = (PAPER, MASKED)  # these show the rig's own joints, the others the landmarks of pose detectors
+CAMERA_FEATURES = 4  # the window's middle as a ray (2), the logarithm of its size in rays, 1 if these are known
 LEAST_POINTS = 4  # that a frame must have to be read
 _ROOT_WEIGHT = 0.2  # of the root's path, which 2D keypoints of a body of unknown size determine badly
 _VELOCITY_WEIGHT = 2.0  # of the joints' velocities, metres a frame
 _MOST_STRETCHED = 1.3  # factor on the length of a bone
 _MOVED_M = 0.015  # what a detector calls a hip is not quite where a rig has its joint
 _OFF_AXIS = 0.25  # how far the body's middle may lie from the image's, as a ray
+_HIDDEN, _MOVED = 0.15, 0.02  # of the task `masked`: share of joints, and noise as a share of the person's size
 _ROLL_RAD, _KNOWN = np.radians(2.0), 0.5  # of hand-held cameras; share of windows whose camera is known
 
 
@@ -82,22 +83,23 @@ class EstimateTask(PoseTask):
     """Random cameras look at windows of the rig's motion; the outputs are added to the rest pose, facing the camera.
 
     `paper`: all joints of the rig, without errors, the window's mean root at the principal point (PUMPS 5.1).
+    `masked`: the same with some joints missing and moved, to pre-train with (MotionBERT's way).
     `landmarks`: what pose detectors know, in their layouts; bodies of other proportions, cameras that do not aim.
     `detector`: the same with a detector's errors.
     """
 
     name: ClassVar[str] = "estimate"
-    corruptions: ClassVar[tuple[str, ...]] = (PAPER, SEEN, DETECTED)
+    corruptions: ClassVar[tuple[str, ...]] = (PAPER, MASKED, SEEN, DETECTED)
     from_root: ClassVar[bool] = True
 
     def __init__(self, rig: Rig, corruption: str):
         super().__init__(rig, corruption)
-        self.mirror = mirror_of_rig(rig) if corruption != PAPER else None
+        self.mirror = mirror_of_rig(rig) if corruption not in OF_JOINTS else None
 
     @property
     def points(self) -> int:
         """Number of keypoints that the network sees."""
-        return len(self.rig.body.joints) if self.corruption == PAPER else len(LANDMARKS)
+        return len(self.rig.body.joints) if self.corruption in OF_JOINTS else len(LANDMARKS)
 
     @property
     def features(self) -> int:
@@ -108,8 +110,6 @@ class EstimateTask(PoseTask):
         """(L,) bone of the body, and (L, 3) place in its frame, of every landmark; from the rest pose."""
         body, skeleton = self.rig.body, self.rig.skeleton
         rest = self.rig.motion(torch.zeros(1, 3), body.rest_world[None], 30.0)
-        from stages.shared.kinematics.forward_numpy import positions_of
-
         found = landmarks_of(skeleton, positions_of(skeleton, rest), rest.rotations)
         place = {int(joint): bone for bone, joint in enumerate(body.joints)}
         return np.array([place[int(joint)] for joint in found.bones]), found.offsets
@@ -147,7 +147,7 @@ class EstimateTask(PoseTask):
     def _points(self, clean: BodyPose, rows: Sequence[np.random.Generator]) -> np.ndarray:
         """(B, T, K, 3) keypoints in the world, metres."""
         body = self.rig.body
-        if self.corruption == PAPER:
+        if self.corruption in OF_JOINTS:
             return clean.heads(body).double().numpy()
         bones, places = self.landmarks
         stretch = torch.from_numpy(np.stack([self._stretches(rng) for rng in rows])).float()
@@ -175,7 +175,7 @@ class EstimateTask(PoseTask):
         self, points: np.ndarray, centre: np.ndarray, valid: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
         """Rays (T, K, 2), confidences (T, K), the camera's position, and whether the camera is known."""
-        paper = self.corruption == PAPER
+        paper = self.corruption in OF_JOINTS
         position = random_place(rng, centre, self.stature_m)
         target, roll = centre, 0.0
         if not paper:
@@ -185,6 +185,11 @@ class EstimateTask(PoseTask):
         rays = projected(in_camera(points, position, np.broadcast_to(rotation, (*points.shape[:2], 4))))
         errors = DETECTOR if self.corruption == DETECTED else NONE
         rays, trust = (rays, np.ones(rays.shape[:2])) if paper else with_errors(rays, rng, errors)
+        if self.corruption == MASKED:
+            size = float(np.ptp(rays, axis=1).mean())
+            rays = rays + _MOVED * size * rng.standard_normal(rays.shape)
+            hidden = rng.random(rays.shape[1]) < _HIDDEN
+            rays[:, hidden], trust[:, hidden] = np.nan, 0.0
         if not paper:
             lacking = ~landmark_mask(list(LAYOUTS)[int(rng.integers(len(LAYOUTS)))])
             rays[:, lacking], trust[:, lacking] = np.nan, 0.0
@@ -203,7 +208,7 @@ class EstimateTask(PoseTask):
         found = super().errors(_rooted(made), _with_target(batch, _rooted(batch.target)))
         apart = (made.roots - batch.target.roots).unsqueeze(-2)
         found["root"] = _ROOT_WEIGHT * mean_norm(apart, batch.valid)
-        if self.corruption != PAPER:  # a detector's jitter must not become the motion's
+        if self.corruption not in OF_JOINTS:  # a detector's jitter must not become the motion's
             body = self.rig.body
             moved = _rooted(made).heads(body) - _rooted(batch.target).heads(body)
             found["velocity"] = _VELOCITY_WEIGHT * mean_norm(moved[:, 1:] - moved[:, :-1], batch.valid[:, 1:])
@@ -228,7 +233,5 @@ def _with_target(batch: TaskBatch, target: BodyPose) -> TaskBatch:
     return TaskBatch(batch.features, batch.given, batch.base, target, batch.valid)
 
 
-def _with_offsets(body, offsets):
-    from dataclasses import replace
-
+def _with_offsets(body: RigBody, offsets: Tensor) -> RigBody:
     return replace(body, offsets=offsets)

@@ -17,8 +17,10 @@ _ALIKE = 0.06  # of the longest bone: larger differences between left and right 
 
 @dataclass(frozen=True)
 class Mirror:
-    """other: (J,) for each bone of the body the one on the other side, or itself. axis: X (0) or Z (2), across which the
-    rig is built alike; a world mirrored at either has gravity where it was."""
+    """other: (J,) for each bone of the body the one on the other side, or itself.
+
+    axis: X (0) or Z (2), across which the rig is built alike; a world mirrored at either has gravity where it was.
+    """
 
     other: np.ndarray
     axis: int

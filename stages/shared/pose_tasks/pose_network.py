@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from stages.shared.networks.layers.sizes import SynthesiserSizes
+from stages.shared.networks.lifters.lifters import LIFTERS, lifter
 from stages.shared.networks.pumps.pose_trunk import PoseTrunk
 from stages.shared.pose_tasks.body_pose import BodyPose, pose_from_root, pose_of_outputs
 
@@ -24,7 +26,7 @@ def _pumps(features: int, outputs: int, settings: Mapping[str, Any]) -> nn.Modul
     return PoseTrunk(features, outputs, int(settings["latent_width"]), SynthesiserSizes(**settings["synthesiser"]))
 
 
-NETWORKS: dict[str, Builder] = {"pumps": _pumps}
+NETWORKS: dict[str, Builder] = {"pumps": _pumps, **{kind: partial(lifter, kind) for kind in LIFTERS}}
 
 
 class PoseNetwork(nn.Module):
