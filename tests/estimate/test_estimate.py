@@ -1,4 +1,4 @@
-"""`pumps estimate` from end to end: keypoints of an embedded clip come back as motion on any rig; bad input is refused."""
+"""`pumps estimate` from end to end: keypoints of an embedded clip become motion on any rig; bad input is refused."""
 
 from __future__ import annotations
 

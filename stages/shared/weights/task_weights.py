@@ -6,17 +6,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from data_schemas.errors import InputError
-from stages.shared.weights.shipped import SHIPPED
+from stages.shared.weights import shipped
 
 
 def shipped_task_weights() -> list[str]:
     """Names of the task networks that come with the package."""
-    return sorted(each.parent.name for each in SHIPPED.glob("*/manifest.json"))
+    return sorted(each.parent.name for each in shipped.SHIPPED.glob("*/manifest.json"))
 
 
 def is_of_task(name_or_path: str | Path) -> bool:
     """Whether a name or path means the weights of one task."""
-    return any((folder / "manifest.json").is_file() for folder in (Path(name_or_path), SHIPPED / str(name_or_path)))
+    return any((folder / "manifest.json").is_file() for folder in _folders(name_or_path))
 
 
 def task_weights(name_or_path: str | Path) -> Path:
@@ -24,11 +24,15 @@ def task_weights(name_or_path: str | Path) -> Path:
 
     Raises: InputError naming the shipped ones, where it means none.
     """
-    for folder in (Path(name_or_path), SHIPPED / str(name_or_path)):
+    for folder in _folders(name_or_path):
         if (folder / "manifest.json").is_file():
             return folder
-    shipped = ", ".join(shipped_task_weights()) or "none"
+    names = ", ".join(shipped_task_weights()) or "none"
     raise InputError(
-        f"There are no weights {name_or_path}: neither a checkpoint's folder, nor shipped ({shipped}).",
+        f"There are no weights {name_or_path}: neither a checkpoint's folder, nor shipped ({names}).",
         "Give --weights the folder that `pumps train finetune` wrote into.",
     )
+
+
+def _folders(name_or_path: str | Path) -> tuple[Path, Path]:
+    return Path(name_or_path), shipped.SHIPPED / str(name_or_path)

@@ -27,6 +27,7 @@ from stages.shared.weights.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_N
 from stages.shared.weights.task_weights import is_of_task
 from stages.weights.pack.config import Config
 
+UNKNOWN = "unknown"  # as `pumps ingest` has it where no licence was stated
 _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
 
 
@@ -59,7 +60,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     confidence = weights_folder(config.run) / CONFIDENCE_NAME
     if confidence.is_file():
         write_output(config.output / CONFIDENCE_NAME, confidence.read_bytes())
-    licences = sorted({*ae.manifest.licences, *lms.manifest.licences})
+    licences = sorted({*_licences(ae, config.licence), *_licences(lms, config.licence)})
     card = _card(name, autoencoder, synthesiser, licences, measured, table)
     write_output(config.output / MEASURED_NAME, (json.dumps(measured, indent=1) + "\n").encode("utf-8"))
     write_output(config.output / CARD_NAME, card.encode("utf-8"))
@@ -77,6 +78,9 @@ def pack_task(config: Config, progress: Progress) -> StageReport:
     progress.start("packing", 1)
     source = open_artefact(config.run, "checkpoint")
     kept = _read(source)
+    if config.licence:
+        lines = "\n".join(f"  - {licence}" for licence in config.licence)
+        kept = replace(kept, card=kept.card.replace(f"  - {UNKNOWN}", lines))
     measured = min(
         (row for row in kept.log if row.get("split") == "val"), key=lambda row: row.get("mpjpe_mm", 0.0), default=None
     )
@@ -106,7 +110,7 @@ def _pack(
     trained = _without_places(source.manifest.config)
     settings = {"half": config.half, "trained": trained, "digest": source.manifest.digest}
     with write_artefact(
-        path, "checkpoint", stage="weights-pack", config=settings, licences=source.manifest.licences
+        path, "checkpoint", stage="weights-pack", config=settings, licences=_licences(source, config.licence)
     ) as draft:
         write_checkpoint(
             draft.folder,
@@ -118,6 +122,12 @@ def _pack(
             trainings=kept.trainings,
         )
     return open_artefact(path, "checkpoint")
+
+
+def _licences(source: Artefact, known: Sequence[str]) -> list[str]:
+    """The licences of the sources; with `known`, those in place of the one that was unknown."""
+    stated = {each for each in source.manifest.licences if each != UNKNOWN or not known}
+    return sorted({*stated, *(known if UNKNOWN in source.manifest.licences else ())})
 
 
 def _places(settings: Any) -> Iterator[tuple[str, str]]:
