@@ -5,6 +5,7 @@
 # make table1      PUMPS Table 1: ten methods on two rigs, BUDGET=12 minutes of training each, WINDOWS=40 of each kind of
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
+# make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -53,13 +54,14 @@ SOLVE_CLIPS    ?= 40
 BUDGET ?= 12
 WINDOWS ?= 40
 GOAL   ?=
+TABLE3_STEPS   ?= 400
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -114,6 +116,8 @@ table1: install
 	$(call made,table1,$(GOAL),--with 'minutes=$(BUDGET)' --with "half=$$(awk 'BEGIN { print $(BUDGET) / 2 }')" --with 'windows=$(WINDOWS)')
 table2: install
 	$(call made,table2)
+table3: install
+	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install

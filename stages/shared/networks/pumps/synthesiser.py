@@ -165,3 +165,34 @@ class LatentSynthesiser(nn.Module):
             return torch.where(known.unsqueeze(-1), keys, missing)
         both = keys_at._replace(index=torch.cat([keys_at.index, missing_at.index]))
         return both.put(torch.cat([keys, missing]))
+
+    def refine(
+        self, latents: Tensor, centroids: Tensor, given: Tensor, times: Tensor, valid: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """All frames anew, from frames that are given but may be wrong: for fine-tuning (PUMPS 5).
+
+        Every frame goes the way of a missing frame: it attends to the encoded given frames, and its residual is added
+        to its own latent, or where it is not given to the interpolated one. No frame is returned as given.
+
+        Args:
+            latents: (B, T, D), read only where `given`. centroids: (B, T, 3) metres, likewise.
+            given: (B, T) True = the frame holds something; at least one in every row.
+            times: (B or 1, T) model frames, real-valued, rising.
+            valid: (B, T) True for real frames, False for padding (never given); None for all.
+
+        Returns: latents (B, T, D) and centroids (B, T, 3).
+        """
+        times = times.expand_as(given)
+        gate = given.unsqueeze(-1)
+        latents, centroids = torch.where(gate, latents, 0), torch.where(gate, centroids, 0)
+        origin = centroids.sum(1, keepdim=True) / given.sum(1).view(-1, 1, 1)
+        keys = self.embed_key(torch.cat([latents, (centroids - origin) * gate], dim=-1))
+        keys = self.key_layers(keys, times, known=given)
+        base = torch.where(gate, latents, interpolate_known(latents, given, times))
+        base_centroids = torch.where(gate, centroids, interpolate_known(centroids, given, times))
+        place = place_in_gap(given, times)
+        frames = self.embed_missing(torch.cat([base, base_centroids - origin, place], dim=-1)) + self.missing_token
+        frames = self.fill_layers(frames, times, memory=keys, memory_times=times, known=given)
+        frames = self.frame_layers(frames, times, known=valid)
+        residual = self.out(self.norm(frames)).to(latents.dtype)
+        return base + residual[..., :-3], base_centroids + _FAR_M * residual[..., -3:]
