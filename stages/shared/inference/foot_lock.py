@@ -42,6 +42,7 @@ LET_GO, ROUNDS = 0.4, 3  # share of a shift that a round keeps; rounds until it 
 # A foot's path keeps to a share of the limit of accelerations, a smaller one where the solved leg exceeds its limits.
 PATH_SHARE, TIGHTEN, TIGHT_LEAST = 0.9, 0.4, 0.15
 TIGHTEN_S = 0.1  # around a frame in which it does
+FIRST, AGAIN = 6, 2  # iterations of the first solve of a leg, and of those that start from the one before
 PIECE_S = 4.0  # a clip is solved in pieces about so long
 NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
@@ -239,7 +240,10 @@ def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray
         trust, floor_trust = _spread(wanted.stands, trusts, len(known)), _spread(gaps, floor_trusts, len(known))
         path = wanted.path(trust, floor_trust, known, fps)
         shifts = bounded_shift(path, leg.foot, shares[1:-1] * limits.bends, known, weights, span=span)
-        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=span, start=turns)
+        iterations = AGAIN if turns.any() else FIRST
+        turns = solve_limb(
+            leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=span, start=turns, iterations=iterations
+        )
         over = limits.broken_frames(leg.steps(turns), known, ROUNDING / 10)
         if not len(over):
             return turns

@@ -42,8 +42,8 @@ def bounded_shift(
         pinned: (T,) bool, frames in which the shift is nothing.
         weights: (T,) positive. span: frames.
 
-    Returns: (T, 3) float64, exactly zero where pinned; `wanted` where that is within the limits. It ends once the limits
-    are met to `TOLERANCE_M`, or after so many iterations.
+    Returns: (T, 3) float64, exactly zero where pinned; `wanted` where that is within the limits. The iteration
+    ends once the limits are met to `TOLERANCE_M`, or after so many rounds.
     """
     wanted = np.where(pinned[:, None], 0.0, wanted)
     own = np.diff(points.astype(np.float64), n=2, axis=0)

@@ -27,6 +27,7 @@ PINNED = 1e9  # precision of turns that must stay zero
 # Of a limb's length: the farthest place, and the length before it over which places move in.
 REACH, SOFT = 0.995, 0.02
 SMALL = 1e-9
+CLOSE_RAD = 3e-4  # a step that is smaller than this is the last one
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def solve_limb(
         pull[pinned] = 0.0
         step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
         turns = turns + step
-        if np.abs(step).max() < 1e-4:
+        if np.abs(step).max() < CLOSE_RAD:
             break
     turns[pinned] = 0.0
     return turns
