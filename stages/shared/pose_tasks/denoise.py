@@ -18,7 +18,7 @@ from stages.shared.pose_tasks.task import PoseTask, TaskBatch
 
 @dataclass(frozen=True)
 class SeenNoise:
-    """What the network sees of noisy windows: features, given (B, T), the base it adds to, and how they were placed."""
+    """What the network sees of noisy windows: features, given (B, T), its base, and how the windows were placed."""
 
     features: Tensor
     given: Tensor
