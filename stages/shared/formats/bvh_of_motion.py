@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_header import POSITION_CHANNELS, ROTATION_CHANNELS, HeaderFault, parse_header
+from stages.shared.formats.bvh_header import POSITION_CHANNELS, ROTATION_CHANNELS, BvhJoint, HeaderFault, parse_header
 from stages.shared.formats.bvh_rows import values_of
 from stages.shared.formats.bvh_write import DECIMALS, write_bvh
 from stages.shared.humanoid.reference_pose import turn_to_y_up
@@ -18,12 +18,7 @@ from stages.shared.kinematics.rotations import conjugate, multiply
 
 _TURNS = ("Zrotation", "Xrotation", "Yrotation")
 _STILL = 1e-3  # sine of half the angle: less is rounding
-_HEADER_PARTS = re.compile(
-    r"(?P<open>\b(?:ROOT|JOINT|END|ENDSITE)\b[^{}]*\{)|(?P<close>\})"
-    r"|(?P<indent>[ \t]*)(?P<offset>\bOFFSET(?:\s+[^\s{}]+){3})"
-    r"|\bCHANNELS\s+\d+(?:\s+[XYZ](?:position|rotation)\b)*",
-    re.IGNORECASE,
-)
+_BLANKS_AND_BRACES = re.compile(r"([\s{}])")
 
 
 def template_of(header: str, fps: float, name: str) -> BvhFile:
@@ -44,27 +39,50 @@ def with_channels(header: str, places: Collection[int], turns: Collection[int] =
     """
     joints = parse_header(header)
     newline = "\r\n" if "\r\n" in header else "\n"
+    parts = _BLANKS_AND_BRACES.split(header)
+    words = [index for index, part in enumerate(parts) if part and not part.isspace()]
     opened: list[int] = []  # the joints whose braces are open, -1 for an End Site
-    indices = iter(range(len(joints)))
-
-    def replaced(found: re.Match[str]) -> str:
-        if found["open"]:
-            opened.append(next(indices) if found["open"][0].upper() in "RJ" else -1)
-            return found[0]
-        if found["close"]:
+    count = at = 0
+    while at < len(words):
+        begin, word = words[at], parts[words[at]].upper()
+        if word in ("ROOT", "JOINT", "END", "ENDSITE"):
+            is_joint = word in ("ROOT", "JOINT")
+            opened.append(count if is_joint else -1)
+            count += is_joint
+            while parts[words[at]] != "{":  # a name may have blanks
+                at += 1
+        elif word == "}":
             opened.pop()
-            return found[0]
-        joint = opened[-1]
-        if joint not in places and joint not in turns:
-            return found[0]
-        before, after = POSITION_CHANNELS * (joint in places), _TURNS * (joint in turns)
-        channels = (*before, *joints[joint].channels, *after)
-        line = f"CHANNELS {len(channels)} {' '.join(channels)}"
-        if found["offset"]:
-            return found[0] if joints[joint].channels else f"{found[0]}{newline}{found['indent']}{line}"
-        return line if joints[joint].channels else ""  # CHANNELS 0, which the line after OFFSET replaces
+        elif word == "OFFSET":
+            at += 3
+            if _is_changed(opened[-1], places, turns) and not joints[opened[-1]].channels:
+                parts[words[at]] += f"{newline}{_indent(parts, begin)}{_channels(joints, opened[-1], places, turns)}"
+        elif word == "CHANNELS":
+            at += 1 + int(parts[words[at + 1]])
+            if _is_changed(opened[-1], places, turns):
+                there = bool(joints[opened[-1]].channels)  # CHANNELS 0 is replaced by the line after OFFSET
+                line = _channels(joints, opened[-1], places, turns) if there else ""
+                parts[begin : words[at] + 1] = [line, *[""] * (words[at] - begin)]
+        at += 1
+    return "".join(parts)
 
-    return _HEADER_PARTS.sub(replaced, header)
+
+def _is_changed(joint: int, places: Collection[int], turns: Collection[int]) -> bool:
+    return joint in places or joint in turns
+
+
+def _channels(joints: Sequence[BvhJoint], joint: int, places: Collection[int], turns: Collection[int]) -> str:
+    before, after = POSITION_CHANNELS * (joint in places), _TURNS * (joint in turns)
+    channels = (*before, *joints[joint].channels, *after)
+    return f"CHANNELS {len(channels)} {' '.join(channels)}"
+
+
+def _indent(parts: Sequence[str], index: int) -> str:
+    """The blanks before a word of a line."""
+    start = index
+    while start and parts[start - 1] in ("", " ", "\t"):
+        start -= 1
+    return "".join(parts[start:index])
 
 
 def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: int = DECIMALS) -> bytes:

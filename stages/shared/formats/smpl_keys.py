@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
@@ -168,6 +167,8 @@ def _are_rotations(matrices: np.ndarray) -> bool:
 
 def _vectors(array: np.ndarray, joints: int) -> np.ndarray:
     """(T, 3 J) float32 rotation vectors of an array that holds J rotation matrices for each frame."""
+    from scipy.spatial.transform import Rotation  # only now: the list of formats is shown without SciPy
+
     matrices = array.reshape(-1, 3, 3)
     out = np.empty((len(matrices), 3), np.float32)
     for start in range(0, len(matrices), _BLOCK):
