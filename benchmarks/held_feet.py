@@ -133,8 +133,8 @@ def cases(archives: list[str], most: int, folder: Path) -> Iterator[Case]:
 def table(measured: list[tuple[Case, dict[str, Figures]]]) -> str:
     """Markdown: for each task, and for all, a row for the truth, the loose fills and the held ones."""
     heads = (
-        "L2P/slerp", "skate mm/s", "floating mm", "sunk mm", "jerk/truth", "twists", "jolts", "turn > loose", "acc. > loose",
-        "crossing frames",
+        "L2P/slerp", "skate mm/s", "floating mm", "sunk mm", "jerk/truth", "twists", "jolts", "turn > loose",
+        "acc. > loose", "crossing frames",
     )  # fmt: skip
     lines = [f"| task | fill | windows | {' | '.join(heads)} |", f"|---|---|---:|{'---:|' * len(heads)}"]
     for task in (*TASKS, None):
