@@ -133,8 +133,8 @@ def cases(archives: list[str], most: int, folder: Path) -> Iterator[Case]:
 def table(measured: list[tuple[Case, dict[str, Figures]]]) -> str:
     """Markdown: for each task, and for all, a row for the truth, the loose fills and the held ones."""
     heads = (
-        "L2P/slerp", "skate mm/s", "floating mm", "jerk/truth", "twists", "jolts", "turn > loose", "acc. > loose",
-        "crossing frames",
+        "L2P/slerp", "skate mm/s", "floating mm", "sunk mm", "jerk/truth", "twists", "jolts", "turn > loose",
+        "acc. > loose", "crossing frames",
     )  # fmt: skip
     lines = [f"| task | fill | windows | {' | '.join(heads)} |", f"|---|---|---:|{'---:|' * len(heads)}"]
     for task in (*TASKS, None):
@@ -148,6 +148,7 @@ def table(measured: list[tuple[Case, dict[str, Figures]]]) -> str:
                 f"{np.mean([row['l2p_share'] for row in rows]):.3f}",
                 f"{1000 * np.nanmean([row['foot_skate_mps'] for row in rows]):.0f}",
                 f"{np.nanmean([row['floating_mm'] for row in rows]):.1f}",
+                f"{np.nanmean([row['floor_penetration_mm'] for row in rows]):.1f}",
                 f"{np.mean(_column(rows, 'jerk_mps3') / np.maximum(_column(truth, 'jerk_mps3'), 1e-9)):.2f}",
                 *(f"{sum(row[share] for row in rows):.0f}" for share in ("twist_share", "jolt_share")),
                 *(str(_worse(rows, loose, metric)) for metric in ROUNDED),

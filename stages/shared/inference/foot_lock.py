@@ -250,13 +250,12 @@ def _calm(piece: _Piece, limits: PopLimits, fps: float) -> tuple[np.ndarray, np.
     """
     leg, wanted, known, fixed = piece.leg, piece.wanted, piece.known, piece.fixed
     gaps, span, frames = runs_of(~known), SMOOTH_S * fps, len(known)
-    none = tuple(
-        np.where(fixed.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (piece.shifts, piece.turns)
-    )
+    no_shifts = np.where(fixed[:, None], piece.shifts, 0.0)
+    no_turns = np.where(fixed[:, None, None], piece.turns, 0.0)
     pinned = known | fixed
     limits = limits.raised_to(leg.steps(np.zeros(piece.turns.shape)))
     weights, shares = np.where(wanted.held, 1.0, LOOSE), np.full(frames, PATH_SHARE)
-    trusts, floor_trusts, turns = np.ones(len(wanted.stands)), np.ones(len(gaps)), none[1]
+    trusts, floor_trusts, turns = np.ones(len(wanted.stands)), np.ones(len(gaps)), no_turns
     iterations = FIRST
     while trusts.any() or floor_trusts.any():
         trust, floor_trust = _spread(wanted.stands, trusts, frames), _spread(gaps, floor_trusts, frames)
@@ -281,7 +280,7 @@ def _calm(piece: _Piece, limits: PopLimits, fps: float) -> tuple[np.ndarray, np.
             floor_trusts[gaps_near] = _less(floor_trusts[gaps_near])
         else:
             break
-    return none
+    return no_shifts, no_turns
 
 
 def _spread(runs: list[np.ndarray], values: np.ndarray, frames: int) -> np.ndarray:

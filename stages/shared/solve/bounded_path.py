@@ -42,8 +42,8 @@ def bounded_shift(
         pinned: (T,) bool, frames in which the shift is the wanted one.
         weights: (T,) positive. span: frames.
 
-    Returns: (T, 3) float64, exactly `wanted` where pinned, and everywhere where that is within the limits. The iteration
-    ends once the limits are met to `TOLERANCE`, or after so many rounds.
+    Returns: (T, 3) float64, exactly `wanted` where pinned, and everywhere where that is within the limits. The
+    iteration ends once the limits are met to `TOLERANCE`, or after so many rounds.
     """
     own = np.diff(points.astype(np.float64), n=2, axis=0)
     limits = np.maximum(limits[:, None], np.linalg.norm(own, axis=-1))

@@ -121,7 +121,7 @@ def solve_limb(
     base = _banded(stiff, own)
     size = 3 * joints
     base[0].reshape(frames, size)[pinned] += PINNED
-    for iteration in range(iterations):
+    for _ in range(iterations):
         rotations, places, end = limb.turned(turns)
         arms = np.repeat(end[:, None], joints, axis=1) - places
         axes = np.stack([rotate(rotations, np.broadcast_to(axis, arms.shape)) for axis in np.eye(3)], axis=2)

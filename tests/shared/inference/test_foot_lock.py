@@ -179,7 +179,7 @@ def test_no_pop_is_ever_worse_and_keys_never_change(name: str, step: int, sway: 
     skeleton, _, filled, known = interpolated(name, step)
     keys = np.flatnonzero(known)
     phase = np.interp(np.arange(filled.frames), keys, np.arange(len(keys)))
-    roots = filled.root_positions + (np.sin(waves * np.pi * phase) ** 2)[:, None] * np.float32(sway)
+    roots = filled.root_positions + (np.sin(waves * np.pi * phase) ** 2)[:, None] * np.array(sway, np.float32)
     loose = replace(filled, root_positions=roots.astype(np.float32))
     held = locked_motion(skeleton, loose, known)
     assert_no_pop_is_worse(skeleton, loose, held, known)
@@ -207,7 +207,9 @@ def standing(frames: int = 61) -> tuple[Skeleton, Motion, np.ndarray]:
 
 def test_a_planted_foot_stays_put_while_the_body_sways():
     skeleton, bent, known = standing()
-    sway = np.where(known, 0, np.sin(np.linspace(0, 8 * np.pi, len(known))))[:, None] * np.float32([0.015, 0, 0.01])
+    sway = np.where(known, 0, np.sin(np.linspace(0, 8 * np.pi, len(known))))[:, None] * np.array(
+        [0.015, 0, 0.01], np.float32
+    )
     loose = replace(bent, root_positions=(bent.root_positions + sway).astype(np.float32))
     feet = find_feet(skeleton)
     held = locked_motion(skeleton, loose, known)
@@ -243,7 +245,8 @@ def test_feet_that_float_come_down_but_not_in_flight():
     inside = (frames > 15) & (frames < 45)
     rise = np.where(inside, 0.12 * np.sin(np.pi * (frames - 15) / 30) ** 2, 0)
     loose = replace(
-        bent, root_positions=(bent.root_positions + rise[:, None] * np.float32([0, 1, 0])).astype(np.float32)
+        bent,
+        root_positions=(bent.root_positions + rise[:, None] * np.array([0, 1, 0], np.float32)).astype(np.float32),
     )
     heights = [
         positions_of(skeleton, each)[:, feet.joints, 1].min(1)
@@ -255,7 +258,8 @@ def test_feet_that_float_come_down_but_not_in_flight():
     seconds = (frames - 15) / bent.fps
     jump = np.where(inside, 0.5 * 9.81 * seconds * (1 - seconds), 0)
     flying = replace(
-        bent, root_positions=(bent.root_positions + jump[:, None] * np.float32([0, 1, 0])).astype(np.float32)
+        bent,
+        root_positions=(bent.root_positions + jump[:, None] * np.array([0, 1, 0], np.float32)).astype(np.float32),
     )
     places = positions_of(skeleton, flying)
     contacts = standing_feet(places, feet, bent.fps, known)
