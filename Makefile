@@ -2,7 +2,10 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
+# make table1      PUMPS Table 1: ten methods on two rigs, BUDGET=12 minutes of training each, WINDOWS=40 of each kind of
+#                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
+# make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -19,10 +22,12 @@
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
+# make bench       all benchmarks that guard a figure, in ten minutes of two cores
+# make bench-compare BASE=COMMIT  times this checkout and a commit in turn; fails if a figure fell by more than a tenth
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
-# make install | lint | bench | clean-run RUN=mine | help
+# make install | lint | clean-run RUN=mine | help
 #
 # All of them take RUN, PRESET, DATA and SET. Tables read archives in SHARED_DATA (../shared/data), which `pumps data list`
 # names with their sources. What a run makes lies in runs/RUN; `pumps config write` writes its settings and its makefile
@@ -46,13 +51,17 @@ HELD_OUT_WINDOWS ?= 40
 RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
+BUDGET ?= 12
+WINDOWS ?= 40
+GOAL   ?=
+TABLE3_STEPS   ?= 400
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -90,7 +99,7 @@ R := $(RUNS)/$(or $(RUN),mine)
 ifneq (,$(wildcard $(R)/run.mk))
 include $(R)/run.mk
 else
-run run-data run-measure run-pages run-rigs run-table1 run-table2 run-table3:
+run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-table1 run-table2 run-table3:
 	@test -f $(R)/run.mk || { echo '$(R)/run.mk is not there; the target that makes the run writes it.' >&2; exit 2; }
 endif
 
@@ -103,8 +112,12 @@ reproduce: install
 
 fill:
 	$(call made,mine,,--with 'weights=$(COMPARE)')
+table1: install
+	$(call made,table1,$(GOAL),--with 'minutes=$(BUDGET)' --with "half=$$(awk 'BEGIN { print $(BUDGET) / 2 }')" --with 'windows=$(WINDOWS)')
 table2: install
 	$(call made,table2)
+table3: install
+	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install
@@ -154,8 +167,21 @@ DEVICE  ?= cpu
 BATCH   ?= 2
 MINUTES ?= 1
 
+# What each script of `make bench` is given, so that all end in ten minutes of two cores.
+BENCH_FLAGS_training_step = --preset $(or $(PRESET),paper) --rounds 2
+BENCH_FLAGS_any_humanoid = --most 20
+BENCH_FLAGS_body_certainty = --most 4 --creatures 4
+GUARDS = synthesiser_training training_step reading filling durable_writes retargeting any_humanoid body_certainty
+
+# One thread, whose CPU seconds change little when other work runs on the machine; one script at a time.
 bench: install-dev
-	@for script in $(filter-out benchmarks/training_step.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
+	@$(foreach name,$(GUARDS),$(if $(wildcard benchmarks/$(name).py),echo '== $(name)' && OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/$(name).py $(BENCH_FLAGS_$(name)) &&)) true
+
+bench-compare: install-dev
+	@test -n '$(BASE)' || { echo 'bench-compare needs BASE: a commit to compare with, such as BASE=HEAD~1'; exit 2; }
+	@mkdir -p '$(RUNS)' && git worktree prune && rm -rf '$(RUNS)/base' && git worktree add --force --detach '$(RUNS)/base' '$(BASE)'
+	OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/two_versions.py '$(RUNS)/base' $(if $(ROUNDS),--rounds $(ROUNDS)); \
+	  status=$$?; git worktree remove --force '$(RUNS)/base'; exit $$status
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(AUTHORS:%=--authors '%') --preset $(or $(PRESET),paper) --page docs/performance.md

@@ -12,6 +12,12 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        ("estimate",),
+        "Turn 2D keypoints of a video into motion on a rig.",
+        ("JSON", "CSV", "npz", "checkpoint"), "BVH", "pumps estimate keypoints.json --skeleton rig.bvh -o moved.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",
@@ -23,6 +29,13 @@ STAGES: tuple[Stage, ...] = (
         "Train an interpolator of one skeleton's poses, on motions of that skeleton (PC-MRL).",
         ("tpc",), "checkpoint",
         "pumps train citl --preset pcmrl --tpc runs/mine/adapted-tpc -o runs/mine/train-citl",
+        pipeline=False,
+    ),
+    Stage(
+        ("train", "baseline"),
+        "Train another method of filling on one skeleton's motions (PUMPS Table 1).",
+        ("tpc",), "checkpoint",
+        "pumps train baseline --preset table1 --method delta --tpc runs/mine/sample-tpc -o runs/mine/delta",
         pipeline=False,
     ),
     Stage(
@@ -54,10 +67,24 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "table1"),
+        "Join evaluations of several methods into PUMPS Table 1.",
+        ("metrics",), "metrics",
+        "pumps measure table1 runs/mine/slerp runs/mine/delta --ours pumps -o runs/mine/table1",
+        arguments=("metrics",), pipeline=False,
+    ),
+    Stage(
         ("measure", "motions"),
         "Compare motions with the true motions of the same clips and joints.",
         ("motion",), "metrics",
         "pumps measure motions --truth runs/mine/ingest --made network=runs/mine/decode -o runs/mine/measure-motions",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "estimate"),
+        "Measure networks from 2D keypoints to motion on held-out clips of their rig: PUMPS Table 3.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure estimate --tpc runs/mine/sample-tpc --weights mine=runs/mine/lifter -o runs/mine/measured",
         pipeline=False,
     ),
     Stage(
@@ -95,6 +122,12 @@ STAGES: tuple[Stage, ...] = (
         ("export",),
         "Write motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("project",),
+        "Project a motion into a camera, as 2D keypoints of a pose detector.",
+        ("any format",), "JSON", "pumps project walk.bvh -o walk_keypoints.json",
         arguments=("input",), pipeline=False,
     ),
     Stage(

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
+
+import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_header import POSITION_CHANNELS, HeaderFault, parse_header
+from stages.shared.formats.bvh_header import POSITION_CHANNELS, ROTATION_CHANNELS, HeaderFault, parse_header
 from stages.shared.formats.bvh_rows import values_of
 from stages.shared.formats.bvh_write import DECIMALS, write_bvh
+from stages.shared.kinematics.rotations import conjugate, multiply
+
+_TURNS = ("Zrotation", "Xrotation", "Yrotation")
+_STILL = 1e-3  # sine of half the angle: less is rounding
+_HEADER_PARTS = re.compile(
+    r"(?P<open>\b(?:ROOT|JOINT|END|ENDSITE)\b[^{}]*\{)|(?P<close>\})"
+    r"|(?P<indent>[ \t]*)(?P<offset>\bOFFSET(?:\s+[^\s{}]+){3})"
+    r"|\bCHANNELS\s+\d+(?:\s+[XYZ](?:position|rotation)\b)*",
+    re.IGNORECASE,
+)
 
 
 def template_of(header: str, fps: float, name: str) -> BvhFile:
@@ -23,16 +36,34 @@ def template_of(header: str, fps: float, name: str) -> BvhFile:
     return read_bvh((header + newline.join(rows)).encode(), name)
 
 
-def with_places(header: str, joints: set[int]) -> str:
-    """The header with position channels on some more joints; a joint that has no channels at all gets none."""
-    having = (joint for joint, each in enumerate(parse_header(header)) if each.channels)
+def with_channels(header: str, places: Collection[int], turns: Collection[int] = ()) -> str:
+    """The header with position channels on some more joints, and rotation channels on others.
 
-    def channels(found: re.Match[str]) -> str:
-        if next(having) not in joints:
+    A joint without channels gets a line CHANNELS after its OFFSET.
+    """
+    joints = parse_header(header)
+    newline = "\r\n" if "\r\n" in header else "\n"
+    opened: list[int] = []  # the joints whose braces are open, -1 for an End Site
+    indices = iter(range(len(joints)))
+
+    def replaced(found: re.Match[str]) -> str:
+        if found["open"]:
+            opened.append(next(indices) if found["open"][0].upper() in "RJ" else -1)
             return found[0]
-        return f"{found[1]}{int(found[2]) + 3} {' '.join(POSITION_CHANNELS)} "
+        if found["close"]:
+            opened.pop()
+            return found[0]
+        joint = opened[-1]
+        if joint not in places and joint not in turns:
+            return found[0]
+        before, after = POSITION_CHANNELS * (joint in places), _TURNS * (joint in turns)
+        channels = (*before, *joints[joint].channels, *after)
+        line = f"CHANNELS {len(channels)} {' '.join(channels)}"
+        if found["offset"]:
+            return found[0] if joints[joint].channels else f"{found[0]}{newline}{found['indent']}{line}"
+        return line if joints[joint].channels else ""  # CHANNELS 0, which the line after OFFSET replaces
 
-    return re.sub(r"(\bCHANNELS[ \t]+)(0*[1-6])[ \t]+", channels, header, flags=re.IGNORECASE)
+    return _HEADER_PARTS.sub(replaced, header)
 
 
 def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: int = DECIMALS) -> bytes:
@@ -41,11 +72,18 @@ def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: in
     Raises: InputError if the skeleton has no BVH header.
     """
     template = template_of(skeleton.header, motion.fps, name)
-    lacking = {
-        int(joint)
-        for joint in motion.track_joints
-        if not set(POSITION_CHANNELS) & set(template.joints[joint].channels)
-    }
-    if lacking:  # clips of one skeleton share its header, and not all of them move the same joints
-        template = template_of(with_places(skeleton.header, lacking), motion.fps, name)
+    # Clips of one skeleton share its header, and not all of them move the same joints.
+    places = {int(j) for j in motion.track_joints if not set(POSITION_CHANNELS) & set(template.joints[j].channels)}
+    still = [j for j, each in enumerate(template.joints) if not set(ROTATION_CHANNELS) & set(each.channels)]
+    turns = {j for j in still if _turns(skeleton, motion, j)}
+    if places or turns:
+        template = template_of(with_channels(skeleton.header, places, turns), motion.fps, name)
     return write_bvh(template, values_of(template, skeleton, motion), decimals=decimals)
+
+
+def _turns(skeleton: Skeleton, motion: Motion, joint: int) -> bool:
+    """Whether a joint turns against its parent, in the file's axes or any others."""
+    parent = int(skeleton.parents[joint])
+    above = motion.rotations[:, parent] if parent >= 0 else np.array([[0.0, 0.0, 0.0, 1.0]], np.float32)
+    local = multiply(conjugate(above), motion.rotations[:, joint])
+    return bool(np.linalg.norm(local[:, :3], axis=1).max() > _STILL)

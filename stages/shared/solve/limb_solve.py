@@ -15,17 +15,17 @@ joint.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from stages.shared.kinematics.rotations import from_turn_vectors, multiply, rotate
+from stages.shared.solve.bending import SecondDerivative
 
 PINNED = 1e9  # precision of turns that must stay zero
-REACH, SOFT = (
-    0.995,
-    0.02,
-)  # of a limb's length: the farthest place, and the length before it over which places move in
+# Of a limb's length: the farthest place, and the length before it over which places move in.
+REACH, SOFT = 0.995, 0.02
 SMALL = 1e-9
 
 
@@ -42,6 +42,11 @@ class Limb:
     above: np.ndarray
     top: np.ndarray
     offsets: np.ndarray
+
+    @cached_property
+    def by_itself(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What `turned` gives without turns."""
+        return self.turned(np.zeros(self.offsets.shape))
 
     def turned(self, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Global rotations (T, n, 4), joints' places (T, n, 3) and the end's (T, 3), with turns (T, n, 3) added."""
@@ -63,7 +68,7 @@ def within_reach(limb: Limb, ends: np.ndarray) -> np.ndarray:
     it stops.
     """
     length = np.linalg.norm(limb.offsets, axis=-1).sum(1)
-    own = np.linalg.norm(limb.turned(np.zeros(limb.offsets.shape))[2] - limb.top, axis=-1)
+    own = np.linalg.norm(limb.by_itself[2] - limb.top, axis=-1)
     most = np.maximum(REACH * length, own)
     away = ends - limb.top
     distance = np.linalg.norm(away, axis=-1)
@@ -97,17 +102,18 @@ def solve_limb(
     """
     frames, joints = limb.local.shape[:2]
     turns = np.zeros((frames, joints, 3))
-    ends = within_reach(limb, limb.turned(turns)[2] + shifts)
+    ends = within_reach(limb, limb.by_itself[2] + shifts)
     own = np.zeros((3 * joints, 3 * joints))
     for joint in range(joints):
         own[3 * joint : 3 * joint + 3, 3 * joint : 3 * joint + 3] = prior[joint]
-    stiff = _second_differences(frames) * span**4
+    derivative = SecondDerivative.at(np.arange(float(max(frames, 2))))
+    stiff = span**4 * derivative.squared(derivative.width)[:, :frames]
     stiff[0] += 1.0
     base = _banded(stiff, own)
     size = 3 * joints
     base[0].reshape(frames, size)[pinned] += PINNED
-    for _ in range(iterations):
-        rotations, places, end = limb.turned(turns)
+    for iteration in range(iterations):
+        rotations, places, end = limb.turned(turns) if iteration else limb.by_itself
         arms = np.repeat(end[:, None], joints, axis=1) - places
         axes = np.stack([rotate(rotations, np.broadcast_to(axis, arms.shape)) for axis in np.eye(3)], axis=2)
         slopes = np.cross(axes, arms[:, :, None]).reshape(frames, size, 3) / noise_m  # d end / d turn
@@ -122,17 +128,6 @@ def solve_limb(
             break
     turns[pinned] = 0.0
     return turns
-
-
-def _second_differences(frames: int) -> np.ndarray:
-    """(3, T) diagonal, first and second band of D'D, where D takes second differences."""
-    bands = np.zeros((3, frames))
-    inner = max(frames - 2, 0)
-    for first, weight in enumerate((1.0, -2.0, 1.0)):
-        for second, other in enumerate((1.0, -2.0, 1.0)):
-            if second >= first:
-                bands[second - first, first : first + inner] += weight * other
-    return bands
 
 
 def _times(bands: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.plain_interpolation import damped_smoothness
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion, replace_rows
 from stages.shared.statistics.feel_pops import largest_acceleration_mps2, largest_turn_deg
-from tests.shared.inference.test_filling import keys_every
+from tests.shared.inference.keyed_motions import keys_every
 
 CLIPS = Path(__file__).resolve().parents[3] / "stages" / "shared" / "clips"
 
