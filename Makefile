@@ -22,8 +22,7 @@
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
-# make bench       all benchmarks that guard a figure, in ten minutes of two cores
-# make bench-compare BASE=COMMIT  times this checkout and a commit in turn; fails if a figure fell by more than a tenth
+# make bench       what guards a figure, in ten minutes; bench-compare BASE=COMMIT fails if one fell by more than a tenth
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
@@ -167,21 +166,8 @@ DEVICE  ?= cpu
 BATCH   ?= 2
 MINUTES ?= 1
 
-# What each script of `make bench` is given, so that all end in ten minutes of two cores.
-BENCH_FLAGS_training_step = --preset $(or $(PRESET),paper) --rounds 2
-BENCH_FLAGS_any_humanoid = --most 20
-BENCH_FLAGS_body_certainty = --most 4 --creatures 4
-GUARDS = synthesiser_training training_step reading filling durable_writes retargeting any_humanoid body_certainty
-
-# One thread, whose CPU seconds change little when other work runs on the machine; one script at a time.
-bench: install-dev
-	@$(foreach name,$(GUARDS),$(if $(wildcard benchmarks/$(name).py),echo '== $(name)' && OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/$(name).py $(BENCH_FLAGS_$(name)) &&)) true
-
-bench-compare: install-dev
-	@test -n '$(BASE)' || { echo 'bench-compare needs BASE: a commit to compare with, such as BASE=HEAD~1'; exit 2; }
-	@mkdir -p '$(RUNS)' && git worktree prune && rm -rf '$(RUNS)/base' && git worktree add --force --detach '$(RUNS)/base' '$(BASE)'
-	OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/two_versions.py '$(RUNS)/base' $(if $(ROUNDS),--rounds $(ROUNDS)); \
-	  status=$$?; git worktree remove --force '$(RUNS)/base'; exit $$status
+bench bench-compare: install-dev
+	OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/$(if $(filter bench,$@),guards.py,two_versions.py --base '$(BASE)')
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(AUTHORS:%=--authors '%') --preset $(or $(PRESET),paper) --page docs/performance.md

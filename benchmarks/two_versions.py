@@ -1,12 +1,12 @@
 """Time two checkouts of this project in turn: which figures a change improved, and which fell.
 
     make bench-compare BASE=COMMIT
-    OMP_NUM_THREADS=1 python benchmarks/two_versions.py ../before [--rounds 4] [--page docs/performance.md]
+    OMP_NUM_THREADS=1 python benchmarks/two_versions.py --base COMMIT [--rounds 4] [--page docs/performance.md]
 
 Each checkout's cases are built by its own code, in a process of its own. Only one of the two computes at any time,
-and which one goes first changes from round to round. Seconds are those of the processor, which other work on the machine
-changes little with one thread. A case that a checkout cannot build is named and left out. The exit code is 1 if a
-case takes more than `--most` times (1.1) as long as before, by the least and by the median of the rounds.
+and which one goes first changes from round to round. Seconds are those of the processor, which other work on the
+machine changes little with one thread. A case that a checkout cannot build is named and left out. The exit code is 1
+if a case takes more than `--most` times (1.1) as long as before, by the least and by the median of the rounds.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ import argparse
 import statistics
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from measuring.section import replace_section
@@ -79,6 +82,23 @@ for line in sys.stdin:
 """
 
 
+@contextmanager
+def checked_out(commit: str) -> Iterator[Path]:
+    """A folder with the files of a commit of this repository, removed at the end.
+
+    Raises: SystemExit if there is no such commit.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        base = Path(folder).resolve() / "base"
+        git = ["git", "-C", str(HERE), "worktree"]
+        if not commit or subprocess.run([*git, "add", "--quiet", "--detach", str(base), commit]).returncode:
+            raise SystemExit(f"{commit!r} is no commit of this repository; give one, as in BASE=HEAD~1.")
+        try:
+            yield base
+        finally:
+            subprocess.run([*git, "remove", "--force", str(base)])
+
+
 def started(root: Path) -> subprocess.Popen[str]:
     """A process of a checkout, which builds its cases."""
     command = [sys.executable, "-c", SERVER, str(root.resolve()), BUILDERS, repr(list(CASES.values()))]
@@ -133,12 +153,13 @@ def comparison(before: Path, rounds: int, most: float) -> tuple[list[str], list[
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("before", type=Path, help="the other checkout")
+    parser.add_argument("--base", required=True, help="the commit to compare with")
     parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--most", type=float, default=1.1, help="times as long as before that is no fault")
     parser.add_argument("--page", type=Path, help="a page to write the table into, between its markers")
     options = parser.parse_args()
-    lines, slower = comparison(options.before, options.rounds, options.most)
+    with checked_out(options.base) as before:
+        lines, slower = comparison(before, options.rounds, options.most)
     print("\n".join(lines))
     if options.page:
         replace_section(options.page, "two versions", "\n".join(lines))

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from data_schemas.errors import InputError
 from data_schemas.notes import Flag
 from stages.ingest.reading import Job, read_all
 from stages.shared.formats.positions import rig_key
-from stages.shared.formats.readers import AUTO, format_named
+from stages.shared.formats.readers import AUTO, format_named, recognise
 
 FORMAT = "positions"
 _LOOKED_AT = 16  # files of each data set
@@ -38,6 +39,7 @@ def usual_units(jobs: Sequence[Job], workers: int) -> Mapping[str, Units]:
         if len(group) > 1
         for at in range(min(len(group), _LOOKED_AT))
     ]
+    looked_at = [job for job in looked_at if _holds_positions(job)]
     votes: dict[str, dict[tuple[str, ...], Counter[float]]] = {}
     for outcome in read_all(looked_at, workers):
         if outcome.format == FORMAT:
@@ -50,3 +52,14 @@ def usual_units(jobs: Sequence[Job], workers: int) -> Mapping[str, Units]:
         data_set: tuple((rig, units.most_common(1)[0][0]) for rig, units in rigs.items() if any(units.values()))
         for data_set, rigs in votes.items()
     }
+
+
+def _holds_positions(job: Job) -> bool:
+    """Whether a file is one of positions: others have the same suffixes, and are slow to read."""
+    if job.format == FORMAT:
+        return True
+    try:
+        found = recognise(job.source.read(), job.source.name)
+    except InputError:
+        return False
+    return found is not None and found.name == FORMAT

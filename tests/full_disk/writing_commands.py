@@ -11,7 +11,7 @@ from pathlib import Path
 CLIPS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "clips"
 _ENCODER = "--encoder.width 8 --encoder.blocks 2 --encoder.neighbours 4 --encoder.heads 2"
 _TRAINING = (
-    "--steps 2 --batch 2 --window 32 --points 24 --warmup 1 --validate-every 1 --checkpoint-every 1 --device cpu"
+    "--steps 2 --batch 2 --window 32 --points 24 --warmup 1 --validate-every 2 --checkpoint-every 1 --device cpu"
 )
 _LAYERS = "--synthesiser.key-layers 1 --synthesiser.fill-layers 1 --synthesiser.frame-layers 1"
 _ALL = "--splits train --splits val --splits test"
@@ -106,7 +106,7 @@ WRITINGS = (
     ),
     Writing(
         "measured-latents", "measure latents",
-        "--motion {made}/motion --weights {made}/run --splits test --max-windows 1 --window 16 --device cpu -o {out}",
+        "--motion {made}/motion --weights {made}/run --splits test --max-windows 1 --window 8 --device cpu -o {out}",
     ),
     Writing(
         "measured-pcmrl", "measure pcmrl",

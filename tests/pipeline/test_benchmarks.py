@@ -55,3 +55,15 @@ def test_a_version_whose_process_fails_is_an_error(tmp_path):
     script = benchmark_script("two_versions")
     with pytest.raises(SystemExit, match="ended early"):
         script.comparison(tmp_path, rounds=1, most=1.1)  # holds no code
+
+
+def test_what_is_no_commit_is_named():
+    script = benchmark_script("two_versions")
+    for name in ("", "no-such-commit"):
+        with pytest.raises(SystemExit, match="no commit"), script.checked_out(name):
+            pass
+
+
+def test_make_bench_runs_scripts_that_exist():
+    script = benchmark_script("guards")
+    assert all((script.HERE / f"{name}.py").is_file() for name in script.GUARDS)

@@ -13,6 +13,7 @@ from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, ROTATION_CHANNELS, HeaderFault, parse_header
 from stages.shared.formats.bvh_rows import values_of
 from stages.shared.formats.bvh_write import DECIMALS, write_bvh
+from stages.shared.humanoid.reference_pose import turn_to_y_up
 from stages.shared.kinematics.rotations import conjugate, multiply
 
 _TURNS = ("Zrotation", "Xrotation", "Yrotation")
@@ -82,8 +83,12 @@ def bvh_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, decimals: in
 
 
 def _turns(skeleton: Skeleton, motion: Motion, joint: int) -> bool:
-    """Whether a joint turns against its parent, in the file's axes or any others."""
+    """Whether a joint turns against its parent, or joint 0 against the file's world."""
     parent = int(skeleton.parents[joint])
-    above = motion.rotations[:, parent] if parent >= 0 else np.array([[0.0, 0.0, 0.0, 1.0]], np.float32)
+    if parent >= 0:
+        above = motion.rotations[:, parent]
+    else:
+        turn = turn_to_y_up(skeleton.up_axis)
+        above = np.array([[0.0, 0.0, 0.0, 1.0]]) if turn is None else turn.as_quat()[None]
     local = multiply(conjugate(above), motion.rotations[:, joint])
     return bool(np.linalg.norm(local[:, :3], axis=1).max() > _STILL)

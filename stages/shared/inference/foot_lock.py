@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -37,10 +38,11 @@ SMOOTH_S, LOOSE = 0.06, 0.005
 NOISE_M = 0.004  # how closely a foot meets its place
 OPEN_RAD = 0.5  # how far a leg's joint may turn about an axis about which the keys do not turn it
 FLOOR_ROUNDS = 3
-LET_GO, ROUNDS = 0.6, 8  # share of a shift that a round keeps; rounds until it is 0
+LET_GO, ROUNDS = 0.4, 3  # share of a shift that a round keeps; rounds until it is 0
 # A foot's path keeps to a share of the limit of accelerations, a smaller one where the solved leg exceeds its limits.
-PATH_SHARE, TIGHTEN, TIGHT_LEAST = 0.9, 0.6, 0.15
+PATH_SHARE, TIGHTEN, TIGHT_LEAST = 0.9, 0.4, 0.15
 TIGHTEN_S = 0.1  # around a frame in which it does
+PIECE_S = 4.0  # a clip is solved in pieces about so long
 NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
 
@@ -67,7 +69,12 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     ):
         return pose
     limits = PopLimits.of(Steps.of_pose(pose), known, fps)
-    turns = [_calm_turns(leg, want, limits, known, fps) for leg, want in zip(legs, wanted, strict=True)]
+    turns = [np.zeros(leg.limb.offsets.shape) for leg in legs]
+    for own, around in _pieces(known, PIECE_S * fps):
+        inner = slice(own.start - around.start, own.stop - around.start)
+        for leg, want, turn in zip(legs, wanted, turns, strict=True):
+            part = _calm_turns(leg.rows(around), want.rows(around), limits.rows(around), known[around], fps)
+            turn[own] = part[inner]
     return without_pops(pose, _with_legs_turned(pose, legs, turns, known), known, fps)
 
 
@@ -88,6 +95,10 @@ class _Leg:
     limb: Limb
     foot: np.ndarray
     prior: np.ndarray
+
+    def rows(self, rows: slice) -> _Leg:
+        """Some of the frames."""
+        return replace(self, limb=self.limb.rows(rows), foot=self.foot[rows])
 
     def steps(self, turns: np.ndarray) -> Steps:
         """How far the leg's joints turn and bend their paths with turns (T, n, 3) added; its hip stays."""
@@ -142,6 +153,10 @@ class _Wanted:
     heights: np.ndarray
     floors: np.ndarray
 
+    def rows(self, rows: slice) -> _Wanted:
+        """Some of the frames."""
+        return _Wanted(self.shifts[rows], self.held[rows], self.lower[rows], self.heights[rows], self.floors)
+
     @cached_property
     def stands(self) -> list[np.ndarray]:
         """Runs of frames in which the foot is held."""
@@ -191,22 +206,40 @@ def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float)
     return smooth_corrections(wanted, np.zeros_like(wanted), frames, known, SMOOTH_S * fps, weights)
 
 
+def _pieces(known: np.ndarray, frames: float) -> list[tuple[slice, slice]]:
+    """Pieces of a clip, about so many frames long, and what each is solved with: one more gap on either side.
+
+    Pieces begin and end at keys. A leg that lets go in one place is solved again in one piece alone.
+    """
+    # Gap g lies between borders[g] and borders[g + 1]; the first and the last border are the clip's ends.
+    borders = [0, *(int(gap[0]) - 1 for gap in runs_of(~known) if gap[0] > 1), len(known) - 1]
+    firsts = [0]
+    for place, border in enumerate(borders[:-1]):
+        if border - borders[firsts[-1]] >= frames:
+            firsts.append(place)
+    pieces = []
+    for first, last in pairwise([*firsts, len(borders) - 1]):
+        around = slice(borders[max(first - 1, 0)], borders[min(last + 1, len(borders) - 1)] + 1)
+        pieces.append((slice(borders[first], borders[last] + 1), around))
+    return pieces
+
+
 def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray, fps: float) -> np.ndarray:
     """Turns (T, n, 3) of a leg that hold its foot as far as its steps stay within the limits.
 
     Where they do not, the foot's path may bend less (`TIGHTEN`). Where that does not suffice, a stand near keeps
     `LET_GO` of its shift, after `ROUNDS` rounds nothing. Where no stand is left near, what is wanted of heights
-    in the gap is reduced likewise, and at last every shift.
+    in the gap is reduced likewise; and where nothing is left near, the leg stays as it is.
     """
     gaps, span, none = runs_of(~known), SMOOTH_S * fps, np.zeros(leg.limb.offsets.shape)
     limits = limits.raised_to(leg.steps(none))
     weights, shares = np.where(wanted.held, 1.0, LOOSE), np.full(len(known), PATH_SHARE)
-    trusts, floor_trusts = np.ones(len(wanted.stands)), np.ones(len(gaps))
+    trusts, floor_trusts, turns = np.ones(len(wanted.stands)), np.ones(len(gaps)), none
     while trusts.any() or floor_trusts.any():
         trust, floor_trust = _spread(wanted.stands, trusts, len(known)), _spread(gaps, floor_trusts, len(known))
         path = wanted.path(trust, floor_trust, known, fps)
         shifts = bounded_shift(path, leg.foot, shares[1:-1] * limits.bends, known, weights, span=span)
-        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=span)
+        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=span, start=turns)
         over = limits.broken_frames(leg.steps(turns), known, ROUNDING / 10)
         if not len(over):
             return turns
@@ -220,7 +253,7 @@ def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray
         elif (floor_trusts[gaps_near] > 0).any():
             floor_trusts[gaps_near] = _less(floor_trusts[gaps_near])
         else:
-            trusts, floor_trusts = _less(trusts), _less(floor_trusts)
+            break
     return none
 
 

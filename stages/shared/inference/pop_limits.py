@@ -60,6 +60,10 @@ class PopLimits:
         filled = [np.where(missing, part, 0.0) for missing, part in zip(_missing(known), steps, strict=True)]
         return cls(*(maximum_filter1d(part, near, mode="constant") if len(part) else part for part in filled))
 
+    def rows(self, rows: slice) -> PopLimits:
+        """The limits of some of the frames."""
+        return PopLimits(self.turns[rows.start : rows.stop - 1], self.bends[rows.start : max(rows.stop - 2, 0)])
+
     def raised_to(self, steps: Steps) -> PopLimits:
         """Limits that allow at least these steps."""
         return PopLimits(np.maximum(self.turns, steps.turns), np.maximum(self.bends, steps.bends))

@@ -19,10 +19,11 @@ FLOOR = 0.004  # an error of quaternions below this, about half a degree, is no 
 JOINT_FLOOR = 0.02  # the same for one joint alone, whose error varies more
 _MOST_GAIN = 6.0  # pairs of frames that amplify noise by more than this predict nothing
 _LOCAL = 61  # frames, over which the level of clean motion is taken
-_FRAME_LIMITS = (3.0, 2.5)  # times that level: before and after the refinement
-_JOINT_LIMITS = (5.0, 4.0)
+_FRAME_LIMITS = (1.5, 4.0)  # times that level: before the refinement, where too many do no harm, and in it
+_JOINT_LIMITS = (5.0, 6.0)
+_MOTION = 0.2  # of the clean frames' errors, the quantile that noisy ones among them do not reach
 _OF_NOISE = 0.35  # of the noisy frames' usual error: a smaller one is motion
-_ROUNDS = 5
+_ROUNDS = 8
 _NEAR = 3  # frames, within which a line may be continued beyond two clean frames
 
 
@@ -74,7 +75,7 @@ def _refined(values: np.ndarray, noisy: np.ndarray, limit: float, floor: float) 
             break
         error, gap = errors_from_clean(values, ~noisy)
         # The error of a line through clean frames grows with the time between them.
-        motion = np.median(error[~noisy] / np.sqrt(gap[~noisy]))
+        motion = np.quantile(error[~noisy] / np.sqrt(gap[~noisy]), _MOTION)
         again = error > np.maximum(limit * motion * np.sqrt(gap), floor)
         again &= error > _OF_NOISE * np.median(error[noisy])
         if (again == noisy).all():

@@ -20,6 +20,7 @@ from stages.shared.solve.bending import SecondDerivative
 from stages.shared.solve.smoothing import PINNED
 
 PENALTY, RELAXATION = 10.0, 1.6
+CHECK_EVERY, TOLERANCE_M = 10, 1e-5  # iterations; second differences may exceed their limits by so much
 
 
 def bounded_shift(
@@ -30,7 +31,7 @@ def bounded_shift(
     weights: np.ndarray,
     *,
     span: float,
-    iterations: int = 100,
+    iterations: int = 200,
 ) -> np.ndarray:
     """The shift nearest to a wanted one with which no point bends its path more than it may.
 
@@ -41,14 +42,14 @@ def bounded_shift(
         pinned: (T,) bool, frames in which the shift is nothing.
         weights: (T,) positive. span: frames.
 
-    Returns: (T, 3) float64, exactly zero where pinned; `wanted` where that is within the limits. The iteration is cut
-    off, so that limits may be exceeded by a little.
+    Returns: (T, 3) float64, exactly zero where pinned; `wanted` where that is within the limits. It ends once the limits
+    are met to `TOLERANCE_M`, or after so many iterations.
     """
     wanted = np.where(pinned[:, None], 0.0, wanted)
     own = np.diff(points.astype(np.float64), n=2, axis=0)
     limits = np.maximum(limits[:, None], np.linalg.norm(own, axis=-1))
     bends = np.diff(wanted, n=2, axis=0)
-    if len(own) == 0 or (np.linalg.norm(own + bends[:, None], axis=-1) <= limits).all():
+    if len(own) == 0 or _meets(own, wanted, limits):
         return wanted
     derivative = SecondDerivative.at(np.arange(float(len(wanted))))
     count = points.shape[1]
@@ -60,13 +61,21 @@ def bounded_shift(
     asked = weights[:, None] * wanted + derivative.transposed(span**4 * bends)
     shift = wanted
     held, dual = own + bends[:, None], np.zeros(own.shape)
-    for _ in range(iterations):
+    for iteration in range(iterations):
+        if iteration % CHECK_EVERY == CHECK_EVERY - 1 and _meets(own, shift, limits):
+            break
         pull = derivative.transposed(PENALTY * (held - dual - own).sum(1))
-        shift = cho_solve_banded((factor, True), asked + pull)
+        shift = cho_solve_banded((factor, True), asked + pull, check_finite=False)
         reached = RELAXATION * (own + np.diff(shift, n=2, axis=0)[:, None]) + (1 - RELAXATION) * held
         held = _within(reached + dual, limits)
         dual = dual + reached - held
     return np.where(pinned[:, None], 0.0, shift)
+
+
+def _meets(own: np.ndarray, shift: np.ndarray, limits: np.ndarray) -> bool:
+    """Whether points with own second differences (T - 2, P, 3) and a shift (T, 3) are within limits (T - 2, P)."""
+    lengths = np.linalg.norm(own + np.diff(shift, n=2, axis=0)[:, None], axis=-1)
+    return bool((lengths <= limits + TOLERANCE_M).all())
 
 
 def _within(vectors: np.ndarray, most: np.ndarray) -> np.ndarray:

@@ -43,6 +43,10 @@ class Limb:
     top: np.ndarray
     offsets: np.ndarray
 
+    def rows(self, rows: slice) -> Limb:
+        """Some of the frames."""
+        return Limb(self.local[rows], self.above[rows], self.top[rows], self.offsets[rows])
+
     @cached_property
     def by_itself(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What `turned` gives without turns."""
@@ -89,6 +93,7 @@ def solve_limb(
     *,
     noise_m: float,
     span: float,
+    start: np.ndarray | None = None,
     iterations: int = 6,
 ) -> np.ndarray:
     """Turns (T, n, 3) that shift a limb's end.
@@ -99,9 +104,10 @@ def solve_limb(
         pinned: (T,) bool, frames in which the limb stays as it is.
         noise_m: expected distance of the end from its place, metres.
         span: frames over which corrections come and go.
+        start: (T, n, 3) turns to begin with, nothing in pinned frames: those of similar shifts save iterations.
     """
     frames, joints = limb.local.shape[:2]
-    turns = np.zeros((frames, joints, 3))
+    turns = np.zeros((frames, joints, 3)) if start is None else start
     ends = within_reach(limb, limb.by_itself[2] + shifts)
     own = np.zeros((3 * joints, 3 * joints))
     for joint in range(joints):
@@ -113,7 +119,7 @@ def solve_limb(
     size = 3 * joints
     base[0].reshape(frames, size)[pinned] += PINNED
     for iteration in range(iterations):
-        rotations, places, end = limb.turned(turns) if iteration else limb.by_itself
+        rotations, places, end = limb.turned(turns) if iteration or start is not None else limb.by_itself
         arms = np.repeat(end[:, None], joints, axis=1) - places
         axes = np.stack([rotate(rotations, np.broadcast_to(axis, arms.shape)) for axis in np.eye(3)], axis=2)
         slopes = np.cross(axes, arms[:, :, None]).reshape(frames, size, 3) / noise_m  # d end / d turn

@@ -143,3 +143,17 @@ def test_a_joint_without_channels_keeps_its_track_and_its_turns(line: str) -> No
     assert np.abs(positions_of(back.skeleton, back.motion) - positions_of(still.skeleton, moving)).max() < 1e-5
     agreement = (back.motion.rotations[:, joint] * moving.rotations[:, joint]).sum(-1)
     assert np.abs(agreement).min() > 1 - 1e-6
+
+
+@pytest.mark.parametrize("z_up", [False, True])
+def test_a_joint_0_that_does_not_turn_gets_no_channels(z_up: bool) -> None:
+    """A still joint above the hips, with positions alone, in worlds of both axes."""
+    header, rest = BvhText(frames=5, above="World", z_up=z_up).text().split("MOTION")
+    start = header.index("CHANNELS")
+    bare = header[:start] + "CHANNELS 3 Xposition Yposition Zposition" + header[header.index("\n", start) :]
+    head, rows = rest.split("0.0333333\n")
+    still = ["0 0 0 " + " ".join(row.split()[6:]) for row in rows.strip().split("\n")]
+    data = f"{bare}MOTION{head}0.0333333\n" + "\n".join(still)
+    (recording,) = read_bvh_motion(data.encode(), "a.bvh", Asked())
+    assert recording.skeleton.up_axis == ("z" if z_up else "y") and recording.skeleton.names[0] == "World"
+    assert bvh_of_motion(recording.skeleton, recording.motion, "a").decode().startswith(bare)
