@@ -6,6 +6,12 @@ from stages.registry.stage import Stage
 
 STAGES: tuple[Stage, ...] = (
     Stage(
+        ("denoise",),
+        "Clean a noisy motion on its own skeleton: mend noisy and missing frames, keep the others.",
+        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet", "pumps denoise noisy.bvh -o clean.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         ("retarget",),
         "Put a motion on another rig, with any joint names and proportions.",
         ("BVH", "checkpoint"), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
