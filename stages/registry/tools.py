@@ -94,6 +94,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "denoise"),
+        "Measure filters and networks that clean noisy motion, on held-out clips of one rig: PUMPS Table 4.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure denoise --tpc runs/mine/sample-tpc --weights mine=runs/mine/cleaner -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",

@@ -30,8 +30,8 @@ class Config(TrainingConfig):
     )
     network: str = Field(
         "pumps",
-        description="Kind of network: pumps; or, to compare with for estimate, from scratch: poseformer, mixste, "
-        "mhformer or motionbert.",
+        description="Kind of network: pumps; or, to compare with, from scratch: transformer or u-vit; for estimate "
+        "also poseformer, mixste, mhformer or motionbert.",
     )
     corruption: str = Field(
         "paper",
