@@ -6,7 +6,7 @@
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
-# make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300
+# make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -56,6 +56,7 @@ WINDOWS ?= 40
 GOAL   ?=
 TABLE3_STEPS   ?= 400
 TABLE4_STEPS   ?= 300
+TABLE4_WINDOWS ?= 20
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
@@ -120,7 +121,7 @@ table2: install
 table3: install
 	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
 table4: install
-	$(call made,table4,,--with 'steps=$(TABLE4_STEPS)')
+	$(call made,table4,,--with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install

@@ -49,8 +49,8 @@ _NO_NOISE = "none"
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Measure every method on the same noisy windows; write `metrics`.
 
-    Raises: UsageError for an unknown filter, two rows of one name or no rig; InputError for networks of another rig, or
-        where no held-out clip of the rig is long enough.
+    Raises: UsageError for an unknown filter, two rows of one name or no rig; InputError for networks of another rig,
+        or where no held-out clip of the rig is long enough.
     """
     check_artefact(config, "metrics")
     for name in config.filters:
@@ -145,7 +145,8 @@ def _tuned(reader: TpcReader, rig: Rig, config: Config) -> dict[str, float]:
     if len(config.widths) == 1 or not config.filters:
         return {name: config.widths[0] for name in config.filters}
     own = sets_of_rig(reader, rig)
-    found = [*windows_by_category(reader.clips, own, (config.tune_on,), ("all=*",), config.window, config.tune_windows, config.tpc)]  # fmt: skip
+    chosen = (("all=*",), config.window, config.tune_windows, config.tpc)
+    found = [*windows_by_category(reader.clips, own, (config.tune_on,), *chosen)]
     clean = [_clean(reader, clip, starts, config.window) for _, clip, starts in found]
     # Filters that are measured on clean clips are those that the paper's noise asks for.
     noise = config if config.noise != _NO_NOISE else config.model_copy(update={"noise": "paper"})

@@ -60,8 +60,8 @@ def summary_md(
     parts = [
         "# Denoising (PUMPS Table 4)\n",
         f"Made by:\n\n```\n{command_line('pumps measure denoise', config)}\n```\n",
-        f"{clips} clips, {windows} windows of {config.window} frames at 30 fps; noise: {config.noise}. All methods see "
-        "the same noisy windows. Means over windows; of all clips with a 95% bootstrap interval over clips. "
+        f"{clips} clips, {windows} windows of {config.window} frames at 30 fps; noise: {config.noise}. All methods "
+        "see the same noisy windows. Means over windows; of all clips with a 95% bootstrap interval over clips. "
         f"`{NOISY}`: nothing is done. `{MEND}`: `pumps denoise` without weights.\n",
         "\n".join(
             [f"- {name}: width {width:g}, the best of {len(config.widths)}." for name, width in widths.items()]

@@ -26,7 +26,7 @@ def windows_by_category(
 
     Args:
         rigs: ids of the rig's sets of bones. categories: NAME=PATTERN. window: frames.
-        most: windows of a category, spread evenly over its clips; 0 for all. source: the artefact's path, for messages.
+        most: windows of a category, spread evenly over its clips; 0 for all. source: the artefact, for messages.
 
     Raises: InputError if there is no window.
     """

@@ -1,7 +1,8 @@
 """Compact networks from noisy poses to clean ones, to compare with: a plain Transformer and a U-ViT.
 
-They are the denoisers that text-to-motion diffusion uses (Vaswani et al. 2017; Bao et al. 2023, as Chen et al. 2023 use
-it), without the diffusion: a window of features in, the outputs of all its frames at once. Time has rotary positions.
+They are the denoisers that text-to-motion diffusion uses (Vaswani et al. 2017; Bao et al. 2023, as Chen et al. 2023
+use it), without the diffusion: a window of features in, the outputs of all its frames at once. Time has rotary
+positions.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Transformer(_Denoiser):
 
 
 class UVitLike(_Denoiser):
-    """The same layers; each of the last ones also reads what the one as far from the start as it is from the end gave."""
+    """The same layers with long skips: the last layer also reads the output of the first, the one before it that of the
+    second, and so on."""
 
     def __init__(self, features: int, outputs: int, sizes: Mapping[str, int]):
         super().__init__(features, outputs, sizes)

@@ -1,12 +1,13 @@
 """A variational prior of motion, descended at test time, in the manner of HuMoR (Rempe et al., ICCV 2021).
 
-A conditional VAE learns the step from one pose to the next: an encoder reads both poses, a decoder makes the step from
-the pose before and the code, and a network gives the codes' prior from the pose before. The negative evidence bound of
-a motion's steps says how unusual the motion is. A motion is cleaned, or a gap is filled, by descending that bound from
-the noisy motion, or from the plain interpolation, held near it by a robust distance.
+A conditional VAE learns the step from one pose to the next: an encoder reads both poses, a decoder makes the step
+from the pose before and the code, and a network gives the codes' prior from the pose before. The negative evidence
+bound of a motion's steps says how unusual the motion is. A motion is cleaned, or a gap is filled, by descending that
+bound from the noisy motion, or from the plain interpolation, held near it by a robust distance.
 
-HuMoR optimises the first pose and all codes through one long rollout; here the poses of all frames are optimised at
-once and the codes are the encoder's, so that the frames are computed side by side. Contacts and the floor are left out.
+HuMoR optimises the first pose and all codes through one long rollout. Here the poses of all frames are optimised at
+once and the codes are the encoder's, so that the frames are computed side by side. Contacts and the floor are left
+out.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from stages.shared.networks.layers.sizes import MethodSizes
 
 _CODE = 48  # numbers of a code, as in the paper
 _DIVERGENCE = 4e-4  # weight of the codes' divergence from their prior, as in the paper
-_STEPS, _RATE = 60, 0.05  # of the descent
+_STEPS, _RATE = 40, 0.05  # of the descent
 _NEAR, _PRIOR, _SMOOTH, _ROBUST = 0.05, 1.0, 0.2, 0.3  # weights at test time; standard deviations of an outlier
 
 

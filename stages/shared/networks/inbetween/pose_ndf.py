@@ -22,7 +22,7 @@ _NOISE_RAD = (0.02, 0.05, 0.1, 0.25, 0.5)  # deviations of the turns that make p
 _QUERIES, _BANK = 256, 1024  # poses a step: that are judged, and among which the nearest is searched
 _DESCENT, _RATE = 30, 0.01  # steps and rate of the descent
 _PRIOR, _NEAR, _SMOOTH = 1.0, 5.0, 10.0  # weights at test time
-_NOISY_STEPS, _NOISY_NEAR, _NOISY_SMOOTH = 60, 0.3, 3.0  # the same for noisy motions, whose roots are smoothed too
+_NOISY_STEPS, _NOISY_NEAR, _NOISY_SMOOTH = 40, 0.3, 3.0  # the same for noisy motions, whose roots are smoothed too
 _ROOT_STANDARD = 3.0  # of a standardised root's acceleration, against that of a quaternion
 
 

@@ -30,7 +30,7 @@ def gaps_of(space: PoseSpace, given: Bones, base: Bones, known: Tensor, valid: T
 
 
 def denoised_bones(method: Method, noisy: Bones) -> Bones:
-    """Noisy windows cleaned by a prior, every frame; positions of the bones follow from the rotations and the root."""
+    """Noisy windows cleaned by a prior, every frame; the bones' positions follow from the rotations and the root."""
     heads, rotations = noisy
     every = torch.ones(heads.shape[:2], dtype=torch.bool, device=heads.device)
     placed = method.space.placement(heads, every)
