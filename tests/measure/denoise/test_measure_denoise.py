@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,14 @@ from tests.docs.pages import ROOT
 
 CLIPS = ROOT / "stages" / "shared" / "clips"
 RIG = str(CLIPS / "walk.bvh")
-SMALL = {"steps": 2, "batch": 2, "window": 16, "warmup": 1, "validate_every": 2, "checkpoint_every": 2}
+SMALL: dict[str, Any] = {
+    "steps": 2,
+    "batch": 2,
+    "window": 16,
+    "warmup": 1,
+    "validate_every": 2,
+    "checkpoint_every": 2,
+}
 
 
 @pytest.fixture(scope="module")

@@ -48,8 +48,8 @@ class Transformer(_Denoiser):
 
 
 class UVitLike(_Denoiser):
-    """The same layers with long skips: the last layer also reads the output of the first, the one before it that of the
-    second, and so on."""
+    """The same layers with long skips: the last layer also reads the output of the first, the one before it
+    that of the second, and so on."""
 
     def __init__(self, features: int, outputs: int, sizes: Mapping[str, int]):
         super().__init__(features, outputs, sizes)
