@@ -18,6 +18,12 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        ("estimate",),
+        "Turn 2D keypoints of a video into motion on a rig.",
+        ("JSON", "CSV", "npz", "checkpoint"), "BVH", "pumps estimate keypoints.json --skeleton rig.bvh -o moved.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",
@@ -67,6 +73,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "estimate"),
+        "Measure networks from 2D keypoints to motion on held-out clips of their rig: PUMPS Table 3.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure estimate --tpc runs/mine/sample-tpc --weights mine=runs/mine/lifter -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",
@@ -101,6 +114,12 @@ STAGES: tuple[Stage, ...] = (
         ("export",),
         "Write motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("project",),
+        "Project a motion into a camera, as 2D keypoints of a pose detector.",
+        ("any format",), "JSON", "pumps project walk.bvh -o walk_keypoints.json",
         arguments=("input",), pipeline=False,
     ),
     Stage(

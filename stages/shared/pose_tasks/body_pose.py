@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from stages.shared.kinematics.rotations import from_matrices, matrices, multiply
+from stages.shared.kinematics.rotations import conjugate, from_matrices, matrices, multiply
 from stages.shared.pointcloud.heading import headings_of, turned, yaw_quaternions
 from stages.shared.pointcloud.rig import RigBody, pose_heads
 
@@ -63,6 +63,19 @@ def pose_of_outputs(outputs: Tensor, base: BodyPose) -> BodyPose:
     roots = base.roots + ROOT_UNIT_M * outputs[..., :3]
     columns = columns_of(base.rotations) + TURN_UNIT * outputs[..., 3:].unflatten(-1, (-1, 6))
     return BodyPose(roots, rotations_of_columns(columns))
+
+
+def pose_from_root(outputs: Tensor, base: BodyPose) -> BodyPose:
+    """As `pose_of_outputs`, with rotations below the root relative to the root's, whose outputs count three times.
+
+    A body that faces elsewhere than the base then differs from it in the root's rotation only.
+    """
+    turns = outputs[..., 3:].unflatten(-1, (-1, 6))
+    root = rotations_of_columns(columns_of(base.rotations[..., :1, :]) + 3 * TURN_UNIT * turns[..., :1, :])
+    relative = multiply(conjugate(base.rotations[..., :1, :]), base.rotations[..., 1:, :])
+    below = rotations_of_columns(columns_of(relative) + TURN_UNIT * turns[..., 1:, :])
+    rotations = torch.cat([root, multiply(root, below)], dim=-2)
+    return BodyPose(base.roots + ROOT_UNIT_M * outputs[..., :3], rotations)
 
 
 def outputs_of(body: RigBody) -> int:

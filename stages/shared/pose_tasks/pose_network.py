@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from stages.shared.networks.layers.sizes import SynthesiserSizes
+from stages.shared.networks.lifters.lifters import LIFTERS, lifter
 from stages.shared.networks.pumps.pose_trunk import PoseTrunk
-from stages.shared.pose_tasks.body_pose import BodyPose, pose_of_outputs
+from stages.shared.pose_tasks.body_pose import BodyPose, pose_from_root, pose_of_outputs
 
 _LEAST_SCALE = 1e-3  # of a feature; one that never changes is not blown up
 _MOST_SCALED = 8.0  # standard deviations; what lies beyond is an outlier
@@ -24,7 +26,7 @@ def _pumps(features: int, outputs: int, settings: Mapping[str, Any]) -> nn.Modul
     return PoseTrunk(features, outputs, int(settings["latent_width"]), SynthesiserSizes(**settings["synthesiser"]))
 
 
-NETWORKS: dict[str, Builder] = {"pumps": _pumps}
+NETWORKS: dict[str, Builder] = {"pumps": _pumps, **{kind: partial(lifter, kind) for kind in LIFTERS}}
 
 
 class PoseNetwork(nn.Module):
@@ -40,6 +42,7 @@ class PoseNetwork(nn.Module):
     def __init__(self, kind: str, features: int, outputs: int, settings: Mapping[str, Any]):
         super().__init__()
         self.inner = NETWORKS[kind](features, outputs, settings)
+        self.from_root = bool(settings.get("from_root", False))  # `PoseTask.from_root`
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("scale", torch.ones(features))
 
@@ -55,4 +58,5 @@ class PoseNetwork(nn.Module):
         """The pose (B, T); arguments as `TaskBatch` has them, times (B or 1, T) in model frames."""
         scaled = ((features - self.mean) / self.scale).clamp(-_MOST_SCALED, _MOST_SCALED)
         scaled = torch.where(given.unsqueeze(-1), scaled, 0.0)
-        return pose_of_outputs(self.inner(scaled, given, times, valid).float(), base)
+        outputs = self.inner(scaled, given, times, valid).float()
+        return pose_from_root(outputs, base) if self.from_root else pose_of_outputs(outputs, base)

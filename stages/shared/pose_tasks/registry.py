@@ -11,6 +11,7 @@ from stages.shared.pose_tasks.task import PoseTask
 TASKS = {
     "denoise": "stages.shared.pose_tasks.denoise:DenoiseTask",
     "repair": "stages.shared.pose_tasks.denoise:RepairTask",
+    "estimate": "stages.shared.pose_tasks.estimate:EstimateTask",
 }
 
 

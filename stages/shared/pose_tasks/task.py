@@ -50,12 +50,14 @@ class PoseTask(ABC):
 
     name:        as `--task` has it.
     corruptions: names of the ways in which inputs may be worse than the truth, the paper's first.
+    from_root:   whether the network's rotations are relative to the root's (`body_pose.pose_from_root`).
 
     Raises: UsageError for a corruption that the task does not have.
     """
 
     name: ClassVar[str]
     corruptions: ClassVar[tuple[str, ...]]
+    from_root: ClassVar[bool] = False
 
     def __init__(self, rig: Rig, corruption: str):
         if corruption not in self.corruptions:

@@ -18,13 +18,18 @@ class Config(TrainingConfig):
     """Fine-tune the synthesiser for a task in one rig's pose space: denoise, or another (PUMPS 5)."""
 
     learning_rate: float = Field(5e-4, json_schema_extra=OFTEN, description="Highest learning rate.")
-    task: str = Field(json_schema_extra=OFTEN, description="What to learn: denoise.")
+    task: str = Field(json_schema_extra=OFTEN, description="What to learn: denoise or estimate.")
     skeleton: str = Field(description="The rig: a BVH with at least one frame. FILE.zip!MEMBER reads from an archive.")
     tpc: Path = Field(description="The tpc artefact with motions of the rig.")
     from_: str = Field(
         default_factory=default_weights,
         json_schema_extra={**OFTEN, NAMES_OF: "weights"},
         description="Weights to start from, by name or folder, or scratch for none.",
+    )
+    network: str = Field(
+        "pumps",
+        description="Kind of network: pumps; or, to compare with for estimate, from scratch: poseformer, mixste, "
+        "mhformer or motionbert.",
     )
     corruption: str = Field(
         "paper", json_schema_extra=OFTEN, description="How inputs are made worse than the truth: a preset of the task."

@@ -7,16 +7,18 @@ from typing import Any
 import torch
 
 from data_schemas.artefact import open_artefact
+from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.tpc import TpcReader
 from stages.shared.contract import StageReport
 from stages.shared.formats.rig_file import rig_of_file
 from stages.shared.inference.models import load_weights
 from stages.shared.networks.layers.device import choose_device
+from stages.shared.networks.lifters.lifters import SIZES as LIFTER_SIZES
 from stages.shared.networks.pumps.pose_trunk import PoseTrunk
 from stages.shared.outputs import check_artefact
 from stages.shared.pose_tasks.body_pose import outputs_of
-from stages.shared.pose_tasks.pose_network import PoseNetwork
+from stages.shared.pose_tasks.pose_network import NETWORKS, PoseNetwork
 from stages.shared.pose_tasks.registry import task_named
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
@@ -36,6 +38,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     task = task_named(config.task, rig, config.corruption)
     torch.manual_seed(config.seed)  # weights are drawn only here; parameters have no other generator
     network, settings, sources = started_network(config, task.features, outputs_of(rig.body))
+    network.from_root = settings["from_root"] = task.from_root
     with TpcReader(config.tpc) as reader:
         progress.start("reading windows")
         pool, held_back = rig_pools(reader, rig, config)
@@ -45,7 +48,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         trained = train(training, config, progress=progress)
         kept = {
             "network": "pose",
-            "kind": "pumps",
+            "kind": config.network,
             "settings": settings,
             "task": task.name,
             "corruption": task.corruption,
@@ -61,6 +64,11 @@ def started_network(
     config: Config, features: int, outputs: int
 ) -> tuple[PoseNetwork, dict[str, Any], list[Artefact]]:
     """The network around the synthesiser of `from_` or a new one, its settings, and the artefacts it came from."""
+    if config.network not in NETWORKS:
+        raise UsageError(f"There is no network {config.network!r}.", f"Take one of {', '.join(NETWORKS)}.")
+    if config.network != "pumps":
+        sizes: dict[str, Any] = dict(LIFTER_SIZES[config.network])
+        return PoseNetwork(config.network, features, outputs, sizes), sizes, []
     if config.from_ == SCRATCH:
         settings = {"latent_width": config.latent_width, "synthesiser": config.synthesiser.model_dump()}
         return PoseNetwork("pumps", features, outputs, settings), settings, []
