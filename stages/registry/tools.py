@@ -80,6 +80,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "denoise"),
+        "Measure denoising on held-out clips with noise added: mending, filters, networks (PUMPS Table 4).",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure denoise --motion runs/mine/ingest -o runs/mine/measure-denoise",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import zlib
-from collections.abc import Iterator, Sequence
-from fnmatch import fnmatch
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -26,6 +24,7 @@ from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.estimate import EstimateTask
 from stages.shared.pose_tasks.task import TaskBatch
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.category_tables import category_of, patterns_of
 from stages.shared.statistics.metrics import mpjpe_mm, mpjve_mm
 from stages.shared.training.pose_training import sets_of_rig
 from stages.shared.weights.shipped import named_source
@@ -97,7 +96,7 @@ def _one_task(models: dict[str, PoseModel]) -> EstimateTask:
 def _windows(reader: TpcReader, task: EstimateTask, config: Config) -> Iterator[tuple[str, ClipRow, list[int]]]:
     """Category, clip and the first frames of its windows, which do not overlap."""
     own = sets_of_rig(reader, task.rig)
-    patterns = [(name, pattern) for name, _, pattern in (text.partition("=") for text in config.category)]
+    patterns = patterns_of(config.category)
     by_category: dict[str, list[tuple[ClipRow, int]]] = {}
     for row in sorted(reader.clips, key=lambda row: row.clip):
         if row.split in config.splits and row.skeleton in own and row.frames >= config.window:
@@ -116,16 +115,6 @@ def _windows(reader: TpcReader, task: EstimateTask, config: Config) -> Iterator[
         for clip in dict.fromkeys(row.clip for row, _ in found):
             mine = [(row, start) for row, start in found if row.clip == clip]
             yield category, mine[0][0], [start for _, start in mine]
-
-
-def category_of(row: ClipRow, patterns: Sequence[tuple[str, str]]) -> str | None:
-    """The first category whose pattern the clip's source matches, None if there is none; without patterns the first
-    word of the file's name: walk of walk3_subject4.bvh."""
-    source = row.source.replace("\\", "/")
-    if patterns:
-        return next((name for name, pattern in patterns if fnmatch(source, pattern)), None)
-    found = re.match(r"[^\W\d_]+", PurePosixPath(source.rsplit("!", 1)[-1]).stem)
-    return found[0] if found else "other"
 
 
 def _batch(reader: TpcReader, task: EstimateTask, clip: ClipRow, start: int, config: Config) -> TaskBatch:

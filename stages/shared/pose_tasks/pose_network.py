@@ -9,8 +9,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from stages.shared.networks.denoisers import denoisers
 from stages.shared.networks.layers.sizes import SynthesiserSizes
-from stages.shared.networks.lifters.lifters import LIFTERS, lifter
+from stages.shared.networks.lifters import lifters
 from stages.shared.networks.pumps.pose_trunk import PoseTrunk
 from stages.shared.pose_tasks.body_pose import BodyPose, pose_from_root, pose_of_outputs
 
@@ -26,7 +27,12 @@ def _pumps(features: int, outputs: int, settings: Mapping[str, Any]) -> nn.Modul
     return PoseTrunk(features, outputs, int(settings["latent_width"]), SynthesiserSizes(**settings["synthesiser"]))
 
 
-NETWORKS: dict[str, Builder] = {"pumps": _pumps, **{kind: partial(lifter, kind) for kind in LIFTERS}}
+NETWORKS: dict[str, Builder] = {
+    "pumps": _pumps,
+    **{kind: partial(lifters.lifter, kind) for kind in lifters.LIFTERS},
+    **{kind: partial(denoisers.denoiser, kind) for kind in denoisers.DENOISERS},
+}
+COMPARED_SIZES = {**lifters.SIZES, **denoisers.SIZES}  # of the networks to compare with
 
 
 class PoseNetwork(nn.Module):
