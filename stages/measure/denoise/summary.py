@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from data_schemas.metrics import MetricRow
 from stages.measure.denoise.config import Config
 from stages.measure.denoise.methods import MEND, NOISY
 from stages.shared.inference.pose_filling import Interpolator
 from stages.shared.inference.pose_model import PoseModel
 from stages.shared.settings.command_line import command_line
-from stages.shared.statistics.bootstrap import mean_interval
-from stages.shared.statistics.table import Entry, Row, Table
+from stages.shared.statistics.category_tables import table_of
 
 METRICS = ("mpjpe_mm", "acceleration_mm", "mpjae_deg")
 _TITLES = {
@@ -21,25 +18,7 @@ _TITLES = {
     "acceleration_mm": "Acceleration error, mm a frame^2",
     "mpjae_deg": "Angles, degrees",
 }
-_ALL = "all"
-
-
-def table_of(rows: Sequence[MetricRow], metric: str, seed: int) -> Table:
-    """Methods by category, and over all clips with a 95% bootstrap interval over clips."""
-    categories = sorted({row.archive for row in rows})
-    found = []
-    for method in dict.fromkeys(row.method for row in rows):
-        own = [row for row in rows if row.method == method and row.metric == metric]
-        entries = []
-        for category in (*categories, _ALL):
-            some = [row for row in own if category in (row.archive, _ALL)]
-            values, windows = (np.array([getattr(row, name) for row in some], float) for name in ("value", "windows"))
-            estimate = mean_interval(values, windows, seed)
-            wide = category == _ALL and estimate.low is not None
-            span = f"[{estimate.low:.2f}, {estimate.high:.2f}]" if wide else ""
-            entries.append(Entry(f"{estimate.value:.2f}", span))
-        found.append(Row((method,), tuple(entries)))
-    return Table(("method",), (*categories, _ALL), tuple(found))
+_DECIMALS = 2
 
 
 def summary_md(
@@ -73,13 +52,13 @@ def summary_md(
         ),
     ]
     for metric in METRICS:
-        parts += [f"\n## {_TITLES[metric]}\n", *table_of(rows, metric, config.seed).markdown()]
+        parts += [f"\n## {_TITLES[metric]}\n", *table_of(rows, metric, config.seed, _DECIMALS).markdown()]
     return "\n".join(parts) + "\n"
 
 
 def terminal_lines(rows: Sequence[MetricRow], seed: int) -> list[str]:
     """One line a method: MPJPE and acceleration error over all clips."""
-    tables = [table_of(rows, metric, seed) for metric in METRICS[:2]]
+    tables = [table_of(rows, metric, seed, _DECIMALS) for metric in METRICS[:2]]
     return [
         f"{one.labels[0]:16} MPJPE {one.entries[-1].text} mm, acceleration {other.entries[-1].text} mm a frame^2"
         for one, other in zip(tables[0].rows, tables[1].rows, strict=True)

@@ -54,9 +54,15 @@ def body_of(skeleton: Skeleton, motion: Motion, joints: np.ndarray) -> BodyPose:
 def check_rig(model: PoseModel, skeleton: Skeleton) -> None:
     """Raise InputError if a network's rig is another than a skeleton."""
     own = model.rig.skeleton
-    if skeleton.names != own.names or (np.asarray(skeleton.parents) != own.parents).any():
+    if not fits_rig(model, skeleton):
         raise InputError(
             f"The network was trained for a rig of {own.joints} joints ({own.names[0]}, ...), and the motion has "
             f"{skeleton.joints} joints ({skeleton.names[0]}, ...).",
             "Give weights that were fine-tuned on this rig, or leave --weights out.",
         )
+
+
+def fits_rig(model: PoseModel, skeleton: Skeleton) -> bool:
+    """Whether a skeleton has the joints of a network's rig."""
+    own = model.rig.skeleton
+    return skeleton.names == own.names and bool((np.asarray(skeleton.parents) == own.parents).all())

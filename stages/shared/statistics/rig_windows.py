@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator, Sequence
-from fnmatch import fnmatch
-from pathlib import PurePosixPath
 
 import numpy as np
 
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
+from stages.shared.statistics.category_tables import category_of, patterns_of
 
 
 def windows_by_category(
@@ -30,7 +28,7 @@ def windows_by_category(
 
     Raises: InputError if there is no window.
     """
-    patterns = [(name, pattern) for name, _, pattern in (text.partition("=") for text in categories)]
+    patterns = patterns_of(categories)
     by_category: dict[str, list[tuple[ClipRow, int]]] = {}
     for row in sorted(clips, key=lambda row: row.clip):
         if row.split in splits and row.skeleton in rigs and row.frames >= window:
@@ -49,13 +47,3 @@ def windows_by_category(
         for clip in dict.fromkeys(row.clip for row, _ in found):
             mine = [(row, start) for row, start in found if row.clip == clip]
             yield category, mine[0][0], [start for _, start in mine]
-
-
-def category_of(row: ClipRow, patterns: Sequence[tuple[str, str]]) -> str | None:
-    """The first category whose pattern the clip's source matches, None if there is none; without patterns the first
-    word of the file's name: walk of walk3_subject4.bvh."""
-    source = row.source.replace("\\", "/")
-    if patterns:
-        return next((name for name, pattern in patterns if fnmatch(source, pattern)), None)
-    found = re.match(r"[^\W\d_]+", PurePosixPath(source.rsplit("!", 1)[-1]).stem)
-    return found[0] if found else "other"

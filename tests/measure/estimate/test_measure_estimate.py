@@ -18,7 +18,7 @@ from stages.measure.estimate.summary import METRICS, REST
 from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
 from stages.shared.networks.lifters.lifters import CAMERA_FEATURES, LIFTERS, SIZES, lifter
-from stages.shared.statistics.rig_windows import category_of
+from stages.shared.statistics.category_tables import category_of
 from stages.train.finetune.config import Config as TrainConfig
 from stages.train.finetune.run import run as finetune
 from tests.docs.pages import ROOT
