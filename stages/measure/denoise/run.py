@@ -39,10 +39,10 @@ from stages.shared.pose_tasks.denoise import DenoiseTask
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.metrics import acceleration_mm, mpjae_deg, mpjpe_mm
 from stages.shared.statistics.rig_windows import windows_by_category
+from stages.shared.statistics.tasks import DENOISING
 from stages.shared.training.pose_training import sets_of_rig
 from stages.shared.weights.shipped import named_source
 
-TASK = "denoising"
 _NO_NOISE = "none"
 
 
@@ -71,7 +71,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             noisy = _noisy(rig, clean, clip, starts, config)
             for name, cleaner in methods.items():
                 figures = _figures(rig, cleaner(noisy), clean)
-                place = (clip.clip, clip.skeleton, category, name, TASK, config.window)
+                place = (clip.clip, clip.skeleton, category, name, DENOISING, config.window)
                 for metric, value in zip(METRICS, figures, strict=True):
                     rows.append(MetricRow(*place, metric, value, windows=len(starts)))
                 progress.advance(len(starts), f"{category}, {name}")

@@ -11,6 +11,7 @@ import torch
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.metrics import read_metrics
+from pumps_cli.app import main
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
 from stages.measure.denoise.config import Config
@@ -97,6 +98,12 @@ def test_every_method_is_measured_on_the_same_windows(measured: Path):
     assert values[MEND] < min(values[name] for name in FILTERS) < values[NOISY]
     # Networks that begin at the noisy pose are near it after two steps.
     assert all(abs(values[kind] - values[NOISY]) < 0.2 * values[NOISY] for kind in DENOISERS)
+
+
+def test_results_shows_the_page(measured: Path, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as leaving:
+        main(["results", str(measured)])
+    assert leaving.value.code in (None, 0) and "PUMPS Table 4" in capsys.readouterr().out
 
 
 def test_clean_clips_show_what_cleaning_does_to_them(motions: Path):
