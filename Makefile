@@ -4,6 +4,8 @@
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
+# make table4      PUMPS Table 4: denoising, by mending, filters, the synthesiser and other networks; TABLE4_STEPS=400
+#                  TABLE4_NOISE=capture
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -48,13 +50,15 @@ RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
 TABLE3_STEPS   ?= 400
+TABLE4_STEPS   ?= 400
+TABLE4_NOISE   ?= paper
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table2 table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table2 table3 table4 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -109,6 +113,8 @@ table2: install
 	$(call made,table2)
 table3: install
 	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
+table4: install
+	$(call made,table4,,--with 'steps=$(TABLE4_STEPS)' --with 'noise=$(TABLE4_NOISE)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install

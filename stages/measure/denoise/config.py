@@ -19,7 +19,9 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     noise: str = Field("paper", description="Preset of the noise: paper, capture, or clean for none.")
     output: Path = Field(description="Folder of the metrics artefact.")
     splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
-    tuning_splits: tuple[str, ...] = Field(("val",), description="Splits on which the plain filters' widths are chosen.")
+    tuning_splits: tuple[str, ...] = Field(
+        ("val",), description="Splits on which the plain filters' widths are chosen."
+    )
     category: tuple[str, ...] = Field(
         (),
         description="NAME=PATTERN: clips whose source matches, such as Walk=*walk*; by default the first word of the "
