@@ -26,7 +26,8 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         description="mend finds what is noisy and keeps the rest; the others are plain filters of all frames.",
     )
     weights: Path | None = Field(
-        None, description="A network of the rig, from `pumps train finetune --task repair` or denoise, run after mend."
+        None,
+        description="A network of the rig, from `pumps train finetune --task repair` or denoise, run after mend.",
     )
     fill: str = Field(
         default_factory=default_weights,
@@ -40,8 +41,12 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     width: float = Field(
         1.0, description="For the plain filters: times the usual time over which they average.", gt=0, le=20
     )
-    frames: str | None = Field(None, description="Clean these alone: 40:90 (90 is not included), 3,5,8, joined by commas.")
-    joints: str | None = Field(None, description="Clean these joints alone: names joined by commas; root is the position.")
+    frames: str | None = Field(
+        None, description="Clean these alone: 40:90 (90 is not included), 3,5,8, joined by commas."
+    )
+    joints: str | None = Field(
+        None, description="Clean these joints alone: names joined by commas; root is the position."
+    )
     mask: Path | None = Field(
         None,
         description="CSV of what is missing: one row a frame, 1 for missing and 0 for there. One column is for the "

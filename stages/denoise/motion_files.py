@@ -34,7 +34,9 @@ class MotionFile:
     bvh: BvhFile | None = None
     stated_fps: bool = True
 
-    def written(self, output: Path, motion: Motion, changed: np.ndarray, moved: np.ndarray) -> tuple[bytes, list[str]]:
+    def written(
+        self, output: Path, motion: Motion, changed: np.ndarray, moved: np.ndarray
+    ) -> tuple[bytes, list[str]]:
         """The cleaned file. A BVH that is written as BVH keeps the bytes of frames in which nothing changed, and the
         numbers of joints that did not change.
 
@@ -89,4 +91,6 @@ def motion_file(config: Config) -> MotionFile:
     recording = found[0]
     choose_map(maps, recording.skeleton.names, must_fit=bool(maps))
     notes = sentences_of(recording.notes)
-    return MotionFile(source.name, recording.skeleton, recording.motion, np.zeros(recording.motion.frames, bool), tuple(notes))
+    return MotionFile(
+        source.name, recording.skeleton, recording.motion, np.zeros(recording.motion.frames, bool), tuple(notes)
+    )

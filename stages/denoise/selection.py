@@ -50,7 +50,9 @@ def masked(path: Path | None, frames: int, names: tuple[str, ...]) -> np.ndarray
     cells = [[cell.strip() for cell in line.split(",")] for line in lines]
     head = cells.pop(0) if cells and not set(cells[0]) <= {"0", "1"} else None
     if len(cells) != frames:
-        raise InputError(f"{path} has {len(cells)} rows, but the motion has {frames} frames.", "Give one row a frame.")
+        raise InputError(
+            f"{path} has {len(cells)} rows, but the motion has {frames} frames.", "Give one row a frame."
+        )
     width = len(head) if head is not None else 1
     for number, row in enumerate(cells):
         if len(row) != width or not set(row) <= {"0", "1"}:
@@ -72,4 +74,6 @@ def masked(path: Path | None, frames: int, names: tuple[str, ...]) -> np.ndarray
 def check_something_there(missing: np.ndarray, name: str) -> None:
     """Raise InputError if every frame is missing as a whole."""
     if missing.all(axis=1).all():
-        raise InputError(f"{name} has no frame that is there: all are missing.", "Check the mask and the file's rows.")
+        raise InputError(
+            f"{name} has no frame that is there: all are missing.", "Check the mask and the file's rows."
+        )

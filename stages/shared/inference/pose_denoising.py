@@ -38,7 +38,9 @@ def refined(model: PoseModel, skeleton: Skeleton, noisy: Motion, mended: Motion)
 
     found = blended(noisy.frames, window, made)
     pose = SkeletonPose.of_motion(skeleton, mended)
-    local = local_rotations(pose.rotations.clone().index_copy(1, torch.as_tensor(joints), found.rotations[0]), skeleton.parents)
+    local = local_rotations(
+        pose.rotations.clone().index_copy(1, torch.as_tensor(joints), found.rotations[0]), skeleton.parents
+    )
     turns = torch.zeros(noisy.frames, skeleton.joints, 3)
     turns[:, joints] = turns_between(pose.local, local)[:, joints]
     shifts = found.roots[0] - pose.heads[:, skeleton.root]
