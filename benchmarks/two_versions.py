@@ -33,7 +33,7 @@ CASES = {
     "synthesiser step, k=16": STEP.format("'paper', 1, 'lms', 16, 0, 'mlp', True"),
     "`laptop`, autoencoder step of 16 windows": STEP.format("'laptop', 16, 'ae', 8, 3, 'skinning', True"),
     "`laptop`, synthesiser step of 16 windows": STEP.format("'laptop', 16, 'lms', 8, 0, 'mlp', True"),
-    "reading a BVH, 20 times": "reading(20)",
+    "reading a BVH, 200 times": "reading(200)",
     "filling 5 s, keys every 15 frames": "filling(keyframes='every:15')",
     "filling 60 s, keys every 12 frames": "filling(frames=list(range(0, 1824, 12)))",
 }

@@ -18,7 +18,8 @@ _TEXT_LIMIT_BYTES = 64 * 2**20
 def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
     """Store an array (T, ...) in chunks of equally many frames, with checksums, for reading windows of it.
 
-    Motions and latents hardly compress: LZF makes files up to a fifth smaller, and takes longer than parsing their text.
+    Motions and latents hardly compress: LZF makes files up to a fifth smaller, and takes longer than parsing their
+    text.
     """
     if 0 in values.shape:
         group.create_dataset(name, data=values)

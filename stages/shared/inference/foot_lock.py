@@ -42,6 +42,7 @@ LET_GO, ROUNDS = 0.4, 3  # share of a shift that a round keeps; rounds until it 
 # A foot's path keeps to a share of the limit of accelerations, a smaller one where the solved leg exceeds its limits.
 PATH_SHARE, TIGHTEN, TIGHT_LEAST = 0.9, 0.4, 0.15
 TIGHTEN_S = 0.1  # around a frame in which it does
+FIRST, AGAIN = 6, 2  # iterations of the first solve of a leg, and of those that start from the one before
 PIECE_S = 4.0  # a clip is solved in pieces about so long
 NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
@@ -70,11 +71,12 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
         return pose
     limits = PopLimits.of(Steps.of_pose(pose), known, fps)
     turns = [np.zeros(leg.limb.offsets.shape) for leg in legs]
+    shifts = [np.zeros(want.shifts.shape) for want in wanted]
     for own, around in _pieces(known, PIECE_S * fps):
-        inner = slice(own.start - around.start, own.stop - around.start)
-        for leg, want, turn in zip(legs, wanted, turns, strict=True):
-            part = _calm_turns(leg.rows(around), want.rows(around), limits.rows(around), known[around], fps)
-            turn[own] = part[inner]
+        fixed = np.arange(around.start, around.stop) < own.start  # solved with the piece before
+        for leg, want, turn, shift in zip(legs, wanted, turns, shifts, strict=True):
+            piece = _Piece(leg.rows(around), want.rows(around), known[around], fixed, shift[around], turn[around])
+            shift[around], turn[around] = _calm(piece, limits.rows(around), fps)
     return without_pops(pose, _with_legs_turned(pose, legs, turns, known), known, fps)
 
 
@@ -224,26 +226,51 @@ def _pieces(known: np.ndarray, frames: float) -> list[tuple[slice, slice]]:
     return pieces
 
 
-def _calm_turns(leg: _Leg, wanted: _Wanted, limits: PopLimits, known: np.ndarray, fps: float) -> np.ndarray:
-    """Turns (T, n, 3) of a leg that hold its foot as far as its steps stay within the limits.
+@dataclass(frozen=True)
+class _Piece:
+    """A leg in a piece of a clip.
+
+    known: (T,) bool. fixed: (T,) bool, frames that keep their shifts (T, 3) and turns (T, n, 3), as keys do.
+    """
+
+    leg: _Leg
+    wanted: _Wanted
+    known: np.ndarray
+    fixed: np.ndarray
+    shifts: np.ndarray
+    turns: np.ndarray
+
+
+def _calm(piece: _Piece, limits: PopLimits, fps: float) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts (T, 3) of a foot and turns (T, n, 3) of its leg that hold it as far as its steps stay within the limits.
 
     Where they do not, the foot's path may bend less (`TIGHTEN`). Where that does not suffice, a stand near keeps
     `LET_GO` of its shift, after `ROUNDS` rounds nothing. Where no stand is left near, what is wanted of heights
     in the gap is reduced likewise; and where nothing is left near, the leg stays as it is.
     """
-    gaps, span, none = runs_of(~known), SMOOTH_S * fps, np.zeros(leg.limb.offsets.shape)
-    limits = limits.raised_to(leg.steps(none))
-    weights, shares = np.where(wanted.held, 1.0, LOOSE), np.full(len(known), PATH_SHARE)
-    trusts, floor_trusts, turns = np.ones(len(wanted.stands)), np.ones(len(gaps)), none
+    leg, wanted, known, fixed = piece.leg, piece.wanted, piece.known, piece.fixed
+    gaps, span, frames = runs_of(~known), SMOOTH_S * fps, len(known)
+    none = tuple(
+        np.where(fixed.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (piece.shifts, piece.turns)
+    )
+    pinned = known | fixed
+    limits = limits.raised_to(leg.steps(np.zeros(piece.turns.shape)))
+    weights, shares = np.where(wanted.held, 1.0, LOOSE), np.full(frames, PATH_SHARE)
+    trusts, floor_trusts, turns = np.ones(len(wanted.stands)), np.ones(len(gaps)), none[1]
+    iterations = FIRST
     while trusts.any() or floor_trusts.any():
-        trust, floor_trust = _spread(wanted.stands, trusts, len(known)), _spread(gaps, floor_trusts, len(known))
-        path = wanted.path(trust, floor_trust, known, fps)
-        shifts = bounded_shift(path, leg.foot, shares[1:-1] * limits.bends, known, weights, span=span)
-        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=span, start=turns)
+        trust, floor_trust = _spread(wanted.stands, trusts, frames), _spread(gaps, floor_trusts, frames)
+        path = np.where(fixed[:, None], piece.shifts, wanted.path(trust, floor_trust, known, fps))
+        shifts = bounded_shift(path, leg.foot, shares[1:-1] * limits.bends, pinned, weights, span=span)
+        turns = solve_limb(
+            leg.limb, shifts, leg.prior, pinned, noise_m=NOISE_M, span=span, start=turns, iterations=iterations
+        )
+        iterations = AGAIN
         over = limits.broken_frames(leg.steps(turns), known, ROUNDING / 10)
+        over = over[over >= max(fixed.sum() - 1, 0)]
         if not len(over):
-            return turns
-        is_over = np.isin(np.arange(len(known)), over)
+            return shifts, turns
+        is_over = np.isin(np.arange(frames), over)
         tighten = np.asarray(maximum_filter1d(is_over, 2 * round(TIGHTEN_S * fps) + 1), bool)
         near, gaps_near = _near(wanted.stands, over, NEAR_S * fps), _near(gaps, over, 1)
         if (shares[tighten] > TIGHT_LEAST).any():

@@ -19,7 +19,7 @@ from stages.shared.solve.robust_smoothing import mend_poses
 
 @dataclass(frozen=True)
 class SeenNoise:
-    """What the network sees of noisy windows: features, given (B, T), the base it adds to, and how they were placed."""
+    """What the network sees of noisy windows: features, given (B, T), its base, and how the windows were placed."""
 
     features: Tensor
     given: Tensor

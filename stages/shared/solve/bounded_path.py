@@ -19,8 +19,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from stages.shared.solve.bending import SecondDerivative
 from stages.shared.solve.smoothing import PINNED
 
-PENALTY, RELAXATION = 10.0, 1.6
-CHECK_EVERY, TOLERANCE_M = 10, 1e-5  # iterations; second differences may exceed their limits by so much
+RELAXATION = 1.6
+CHECK_EVERY, TOLERANCE = 10, 0.01  # rounds; second differences may exceed their limits by this share
 
 
 def bounded_shift(
@@ -39,13 +39,12 @@ def bounded_shift(
         wanted: (T, 3) metres. points: (T, P, 3) metres, paths to which the shift is added.
         limits: (T - 2,) most length of a second difference of neighbouring frames, metres; where points exceed it
             without a shift, their own length.
-        pinned: (T,) bool, frames in which the shift is nothing.
+        pinned: (T,) bool, frames in which the shift is the wanted one.
         weights: (T,) positive. span: frames.
 
-    Returns: (T, 3) float64, exactly zero where pinned; `wanted` where that is within the limits. It ends once the limits
-    are met to `TOLERANCE_M`, or after so many iterations.
+    Returns: (T, 3) float64, exactly `wanted` where pinned, and everywhere where that is within the limits. The iteration
+    ends once the limits are met to `TOLERANCE`, or after so many rounds.
     """
-    wanted = np.where(pinned[:, None], 0.0, wanted)
     own = np.diff(points.astype(np.float64), n=2, axis=0)
     limits = np.maximum(limits[:, None], np.linalg.norm(own, axis=-1))
     bends = np.diff(wanted, n=2, axis=0)
@@ -53,8 +52,9 @@ def bounded_shift(
         return wanted
     derivative = SecondDerivative.at(np.arange(float(len(wanted))))
     count = points.shape[1]
-    stiff = np.full(len(own), span**4)
-    bands = derivative.squared(stiff + PENALTY * count)
+    # As stiff as the path itself: waves then converge in as many rounds at any rate of frames.
+    penalty = span**4
+    bands = derivative.squared(np.full(len(own), span**4 + penalty * count))
     weights = np.where(pinned, PINNED, weights)
     bands[0] += weights
     factor = cholesky_banded(bands, lower=True)
@@ -64,18 +64,18 @@ def bounded_shift(
     for iteration in range(iterations):
         if iteration % CHECK_EVERY == CHECK_EVERY - 1 and _meets(own, shift, limits):
             break
-        pull = derivative.transposed(PENALTY * (held - dual - own).sum(1))
+        pull = derivative.transposed(penalty * (held - dual - own).sum(1))
         shift = cho_solve_banded((factor, True), asked + pull, check_finite=False)
         reached = RELAXATION * (own + np.diff(shift, n=2, axis=0)[:, None]) + (1 - RELAXATION) * held
         held = _within(reached + dual, limits)
         dual = dual + reached - held
-    return np.where(pinned[:, None], 0.0, shift)
+    return np.where(pinned[:, None], wanted, shift)
 
 
 def _meets(own: np.ndarray, shift: np.ndarray, limits: np.ndarray) -> bool:
     """Whether points with own second differences (T - 2, P, 3) and a shift (T, 3) are within limits (T - 2, P)."""
     lengths = np.linalg.norm(own + np.diff(shift, n=2, axis=0)[:, None], axis=-1)
-    return bool((lengths <= limits + TOLERANCE_M).all())
+    return bool((lengths <= limits * (1 + TOLERANCE)).all())
 
 
 def _within(vectors: np.ndarray, most: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ PINNED = 1e9  # precision of turns that must stay zero
 # Of a limb's length: the farthest place, and the length before it over which places move in.
 REACH, SOFT = 0.995, 0.02
 SMALL = 1e-9
+CLOSE_RAD = 3e-4  # a step that is smaller than this is the last one
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,15 @@ def solve_limb(
     Args:
         shifts: (T, 3) wanted of the end in the world, metres.
         prior: (n, 3, 3) precision of the turns, 1 / radians^2.
-        pinned: (T,) bool, frames in which the limb stays as it is.
+        pinned: (T,) bool, frames in which the limb keeps its turns of `start`.
         noise_m: expected distance of the end from its place, metres.
         span: frames over which corrections come and go.
-        start: (T, n, 3) turns to begin with, nothing in pinned frames: those of similar shifts save iterations.
+        start: (T, n, 3) turns to begin with, and the turns of pinned frames; None for no turns. Those of similar
+            shifts save iterations.
     """
     frames, joints = limb.local.shape[:2]
-    turns = np.zeros((frames, joints, 3)) if start is None else start
+    start = np.zeros((frames, joints, 3)) if start is None else start
+    turns = start
     ends = within_reach(limb, limb.by_itself[2] + shifts)
     own = np.zeros((3 * joints, 3 * joints))
     for joint in range(joints):
@@ -119,7 +122,7 @@ def solve_limb(
     size = 3 * joints
     base[0].reshape(frames, size)[pinned] += PINNED
     for iteration in range(iterations):
-        rotations, places, end = limb.turned(turns) if iteration or start is not None else limb.by_itself
+        rotations, places, end = limb.turned(turns)
         arms = np.repeat(end[:, None], joints, axis=1) - places
         axes = np.stack([rotate(rotations, np.broadcast_to(axis, arms.shape)) for axis in np.eye(3)], axis=2)
         slopes = np.cross(axes, arms[:, :, None]).reshape(frames, size, 3) / noise_m  # d end / d turn
@@ -130,9 +133,9 @@ def solve_limb(
         pull[pinned] = 0.0
         step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
         turns = turns + step
-        if np.abs(step).max() < 1e-4:
+        if np.abs(step).max() < CLOSE_RAD:
             break
-    turns[pinned] = 0.0
+    turns[pinned] = start[pinned]
     return turns
 
 
