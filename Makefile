@@ -6,6 +6,7 @@
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
+# make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -54,13 +55,15 @@ BUDGET ?= 12
 WINDOWS ?= 40
 GOAL   ?=
 TABLE3_STEPS   ?= 400
+TABLE4_STEPS   ?= 300
+TABLE4_WINDOWS ?= 20
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 table2 table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -98,7 +101,7 @@ R := $(RUNS)/$(or $(RUN),mine)
 ifneq (,$(wildcard $(R)/run.mk))
 include $(R)/run.mk
 else
-run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-table1 run-table2 run-table3:
+run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-table1 run-table2 run-table3 run-table4:
 	@test -f $(R)/run.mk || { echo '$(R)/run.mk is not there; the target that makes the run writes it.' >&2; exit 2; }
 endif
 
@@ -117,6 +120,8 @@ table2: install
 	$(call made,table2)
 table3: install
 	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
+table4: install
+	$(call made,table4,,--with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install

@@ -6,6 +6,12 @@ from stages.registry.stage import Stage
 
 STAGES: tuple[Stage, ...] = (
     Stage(
+        ("denoise",),
+        "Clean a noisy motion on its own skeleton: mend noisy and missing frames, keep the others.",
+        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet", "pumps denoise noisy.bvh -o clean.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         ("retarget",),
         "Put a motion on another rig, with any joint names and proportions.",
         ("BVH", "checkpoint"), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
@@ -85,6 +91,13 @@ STAGES: tuple[Stage, ...] = (
         "Measure networks from 2D keypoints to motion on held-out clips of their rig: PUMPS Table 3.",
         ("tpc", "checkpoint"), "metrics",
         "pumps measure estimate --tpc runs/mine/sample-tpc --weights mine=runs/mine/lifter -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "denoise"),
+        "Measure filters and networks that clean noisy motion, on held-out clips of one rig: PUMPS Table 4.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure denoise --tpc runs/mine/sample-tpc --weights mine=runs/mine/cleaner -o runs/mine/measured",
         pipeline=False,
     ),
     Stage(

@@ -15,6 +15,7 @@ from tests.pipeline.made_runs import ROOT, Run
 
 RECIPE_OF = {
     "table1": "table1", "table2": "table2", "table3": "table3",
+    "table4": "table4",
     "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
@@ -139,7 +140,9 @@ def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_pa
         assert table.make(flags=flags)[0] == "ingest", "the clips that come with pumps are there"
         return
     assert table.make(flags=flags, code=2) == []
-    named, origin = ("lafan1-g1.zip", "forward kinematics") if target == "table1" else ("cmu-dance.zip", "cgspeed")
+    g1 = ("lafan1-g1.zip", "forward kinematics")
+    origins = {"table1": g1, "table3": g1, "table4": ("bandai-namco-1.zip", "data fetch bandai-namco-1")}
+    named, origin = origins.get(target, ("cmu-dance.zip", "cgspeed"))
     assert named in table.said and origin in table.said.lower() and "nowhere" in table.said
 
 

@@ -22,7 +22,7 @@ from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.inbetween.method import Method
 from stages.shared.networks.inbetween.methods import method_class
 from stages.shared.networks.inbetween.pose_space import PoseSpace
-from stages.shared.networks.inbetween.windows import filled_bones
+from stages.shared.networks.inbetween.windows import denoised_bones, filled_bones
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.networks.layers.sizes import InterpolatorSizes, MethodSizes
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
@@ -78,6 +78,17 @@ class Interpolator:
             else:
                 times = torch.arange(float(known.shape[1]), device=self.device).unsqueeze(0)
                 made = self.network(given, plain, known, times)
+        return made[0].cpu(), made[1].cpu()
+
+    @property
+    def denoises(self) -> bool:
+        """Whether the network is a prior that can be descended from noisy motion."""
+        return isinstance(self.network, Method) and self.network.descends
+
+    def denoise(self, heads: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
+        """Noisy windows cleaned by a prior (`denoises`): heads (B, T, J, 3) metres, global rotations (B, T, J, 4)."""
+        assert isinstance(self.network, Method)
+        made = denoised_bones(self.network, (heads.to(self.device), rotations.to(self.device)))
         return made[0].cpu(), made[1].cpu()
 
 

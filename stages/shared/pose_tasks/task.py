@@ -59,7 +59,8 @@ class PoseTask(ABC):
     corruptions: ClassVar[tuple[str, ...]]
     from_root: ClassVar[bool] = False
 
-    def __init__(self, rig: Rig, corruption: str):
+    def __init__(self, rig: Rig, corruption: str | None = None):
+        corruption = self.corruptions[0] if corruption is None else corruption
         if corruption not in self.corruptions:
             raise UsageError(
                 f"The task {self.name} has no corruption {corruption!r}.",

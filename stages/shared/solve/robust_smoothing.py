@@ -67,7 +67,9 @@ def mend_poses(local: np.ndarray, positions: np.ndarray, missing: np.ndarray | N
             frames, len(columns), 4
         )
     made = _unit(made)
-    places = _mended(places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0]))
+    places = _mended(
+        places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0])
+    )
     return Mended(_without_jitter(made), _positions_without_jitter(places), bad, whole)
 
 

@@ -19,8 +19,8 @@ from stages.shared.training.config import TrainingConfig
 from stages.shared.training.task import HELD_BACK_SEED, RowRandom, TrainingTask, step_random
 from stages.shared.training.windows import WindowPool
 
-_VALIDATION_WINDOWS = 48
-_SCALING_WINDOWS = 64  # that scale the features
+_VALIDATION_WINDOWS = 32
+_SCALING_WINDOWS = 32  # that scale the features
 _VALIDATION, _SCALING = 11, 12  # the purposes of the generators
 _SAME_M = 1e-4
 

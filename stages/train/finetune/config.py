@@ -18,7 +18,7 @@ class Config(TrainingConfig):
     """Fine-tune the synthesiser for a task in one rig's pose space: denoise, or another (PUMPS 5)."""
 
     learning_rate: float = Field(5e-4, json_schema_extra=OFTEN, description="Highest learning rate.")
-    task: str = Field(json_schema_extra=OFTEN, description="What to learn: denoise or estimate.")
+    task: str = Field(json_schema_extra=OFTEN, description="What to learn: denoise, repair, estimate or trackers.")
     skeleton: str = Field(
         description="The rig: a BVH with at least one frame. FILE.zip!MEMBER reads from an archive."
     )
@@ -30,13 +30,14 @@ class Config(TrainingConfig):
     )
     network: str = Field(
         "pumps",
-        description="Kind of network: pumps; or, to compare with for estimate, from scratch: poseformer, mixste, "
-        "mhformer or motionbert.",
+        description="Kind of network: pumps; or, to compare with, from scratch: transformer or u-vit; for estimate "
+        "also poseformer, mixste, mhformer or motionbert.",
     )
-    corruption: str = Field(
-        "paper",
+    corruption: str | None = Field(
+        None,
         json_schema_extra=OFTEN,
-        description="How inputs are made worse than the truth: a preset of the task.",
+        description="How inputs are made worse than the truth: a preset of the task, such as paper or capture; by "
+        "default its first.",
     )
     synthesiser: SynthesiserSizes = Field(
         SynthesiserSizes(width=192, heads=6, key_layers=1, fill_layers=2, frame_layers=3),

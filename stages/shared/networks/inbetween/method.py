@@ -71,6 +71,9 @@ class Method(nn.Module, ABC):
     """
 
     PAPER: ClassVar[Paper]
+    descends: ClassVar[bool] = (
+        False  # whether it is a prior that is descended from the base, so that it also denoises
+    )
 
     def __init__(self, space: PoseSpace, sizes: MethodSizes):
         super().__init__()
@@ -80,6 +83,10 @@ class Method(nn.Module, ABC):
     def fill(self, gaps: Gaps) -> Tensor:
         """The poses of all frames, (B, T, D) standardised; called without gradients in use. Known frames' values are
         not used."""
+
+    def denoise(self, gaps: Gaps) -> Tensor:
+        """The poses (B, T, D) of noisy motions, which are the base of gaps without known frames; of priors alone."""
+        return self.fill(gaps)
 
     def fit(self, gaps: Gaps, truth: Tensor, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """The training loss, a scalar, and numbers to log; by default `pose_loss` of what `fill` returns.

@@ -24,6 +24,7 @@ METHODS: dict[str, str] = {
     "mae": f"{_HERE}.masked_autoencoder:MaskedAutoencoder",
     "two-stage": f"{_HERE}.two_stage:TwoStage",
     "pose-ndf": f"{_HERE}.pose_ndf:PoseNdf",
+    "motion-vae": f"{_HERE}.motion_vae:MotionVae",
 }
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from stages.shared.kinematics.rotations import from_turn_vectors, multiply
+from stages.shared.kinematics.rotations import continuous_signs, from_turn_vectors, multiply
 from stages.shared.networks.inbetween.method import Gaps, Method, Paper
 from stages.shared.networks.inbetween.pose_space import PoseSpace
 from stages.shared.networks.layers.sizes import MethodSizes
@@ -22,11 +22,14 @@ _NOISE_RAD = (0.02, 0.05, 0.1, 0.25, 0.5)  # deviations of the turns that make p
 _QUERIES, _BANK = 256, 1024  # poses a step: that are judged, and among which the nearest is searched
 _DESCENT, _RATE = 30, 0.01  # steps and rate of the descent
 _PRIOR, _NEAR, _SMOOTH = 1.0, 5.0, 10.0  # weights at test time
+_NOISY_STEPS, _NOISY_NEAR, _NOISY_SMOOTH = 40, 0.3, 3.0  # the same for noisy motions, whose roots are smoothed too
+_ROOT_STANDARD = 3.0  # of a standardised root's acceleration, against that of a quaternion
 
 
 class PoseNdf(Method):
     """An encoder for each joint, which also reads its parent's code, and a network from all codes to a distance."""
 
+    descends = True
     PAPER = Paper(
         MethodSizes(width=512, layers=5, heads=6),
         learning_rate=1e-4,
@@ -84,6 +87,26 @@ class PoseNdf(Method):
                 (turns.grad,) = torch.autograd.grad(loss, [turns])
                 optimiser.step()
         return self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns.detach() * gate)))
+
+    def denoise(self, gaps: Gaps) -> Tensor:
+        """Down the distance from noisy poses, near them by a distance that outliers do not dominate, and smooth over
+        time: the moved rotations themselves, and the root's path, of which the network knows nothing."""
+        start, roots = continuous_signs(self.space.local(gaps.base), axis=1), gaps.base[..., :3]
+        with torch.enable_grad():
+            turns = torch.zeros(*start.shape[:-1], 3, device=start.device, requires_grad=True)
+            shift = torch.zeros_like(roots, requires_grad=True)
+            optimiser = torch.optim.Adam([turns, shift], lr=_RATE)
+            for _ in range(_NOISY_STEPS):
+                moved = multiply(start, from_turn_vectors(turns))
+                prior = self.distance(moved.flatten(0, 1)).square().mean()
+                near = (turns.square().sum(-1) + 1e-6).sqrt().mean() + (shift.square().sum(-1) + 1e-6).sqrt().mean()
+                bends = moved.diff(n=2, dim=1).square().sum(-1).mean() if moved.shape[1] > 2 else 0 * near
+                path = (roots + shift).diff(n=2, dim=1).square().mean() if moved.shape[1] > 2 else 0 * near
+                loss = _PRIOR * prior + _NOISY_NEAR * near + _NOISY_SMOOTH * (bends + _ROOT_STANDARD * path)
+                turns.grad, shift.grad = torch.autograd.grad(loss, [turns, shift])
+                optimiser.step()
+        made = self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns.detach())))
+        return torch.cat([roots + shift.detach(), made[..., 3:]], dim=-1)
 
 
 def nearest_distance(poses: Tensor, bank: Tensor) -> Tensor:

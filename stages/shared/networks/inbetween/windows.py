@@ -29,6 +29,17 @@ def gaps_of(space: PoseSpace, given: Bones, base: Bones, known: Tensor, valid: T
     return Gaps(poses, plain, known, valid, times, space.offsets(*base)), placed
 
 
+def denoised_bones(method: Method, noisy: Bones) -> Bones:
+    """Noisy windows cleaned by a prior, every frame; the bones' positions follow from the rotations and the root."""
+    heads, rotations = noisy
+    every = torch.ones(heads.shape[:2], dtype=torch.bool, device=heads.device)
+    placed = method.space.placement(heads, every)
+    plain = method.space.vectors(heads, rotations, placed)
+    times = torch.arange(float(heads.shape[1]), device=heads.device).unsqueeze(0)
+    gaps = Gaps(torch.zeros_like(plain), plain, ~every, every, times, method.space.offsets(heads, rotations))
+    return method.space.joints(method.denoise(gaps).detach(), gaps.offsets, placed)
+
+
 def filled_bones(method: Method, given: Bones, base: Bones, known: Tensor, valid: Tensor | None = None) -> Bones:
     """The windows filled by a method; known frames are those given, unchanged. Arguments as in `gaps_of`."""
     gaps, placed = gaps_of(method.space, given, base, known, torch.ones_like(known) if valid is None else valid)
