@@ -33,7 +33,7 @@ def command(
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with errors_reported(manner, "pumps results"):
         rows, page = read_metrics(open_artefact(metrics, "metrics"))
-        filling = all(row.metric in METRICS for row in rows)
+        filling = all(row.metric in METRICS for row in rows) and any(METRICS[row.metric].headline for row in rows)
         found = cells(rows) if filling else {}
         tables = lambda: [*terminal_lines(found), *feel_lines(found), *pop_lines(rows)]  # noqa: E731
         show(manner, tables if filling else page.splitlines, lambda: [asdict(row) for row in rows])

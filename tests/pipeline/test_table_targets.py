@@ -14,7 +14,8 @@ from stages.shared.settings.recipes import read_recipe, recipe_names
 from tests.pipeline.test_makefile import ROOT, Run
 
 RECIPE_OF = {
-    "table2": "table2", "table3": "table3", "table4": "table4", "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
+    "table2": "table2", "table3": "table3", "table4": "table4",
+    "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small",

@@ -21,7 +21,7 @@ from stages.shared.statistics.metrics import acceleration_mm, mpjae_deg, mpjpe_m
 from stages.shared.weights.shipped import named_source
 
 NOISY, MENDED = "noisy", "mend"
-WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+WIDTHS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 METRICS = ("mpjpe_mm", "acceleration_mm", "mpjae_deg")
 Method = Callable[[Skeleton, Motion], Motion | None]  # None where it cannot run on a skeleton
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from data_schemas.metrics import MetricRow
 from stages.measure.denoise.config import Config
-from stages.measure.denoise.methods import METRICS, MENDED, NOISY
+from stages.measure.denoise.methods import MENDED, METRICS, NOISY
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.category_tables import table_of
 
@@ -26,9 +26,9 @@ def summary_md(config: Config, rows: Sequence[MetricRow], widths: Mapping[str, f
     parts = [
         "# Denoising (PUMPS Table 4)\n",
         f"Made by:\n\n```\n{command_line('pumps measure denoise', config)}\n```\n",
-        f"{clips} clips, {windows} windows of {config.window} frames at 30 fps, noise: {config.noise}. All methods see "
-        f"the same noise. `{NOISY}`: nothing is done. `{MENDED}`: `pumps denoise` without a network. Filters' widths, "
-        f"{how}: {chosen}. Means over windows; of all clips with a 95% bootstrap interval over clips.",
+        f"{clips} clips, {windows} windows of {config.window} frames at 30 fps, noise: {config.noise}. All methods "
+        f"see the same noise. `{NOISY}`: nothing is done. `{MENDED}`: `pumps denoise` without a network. Filters' "
+        f"widths, {how}: {chosen}. Means over windows; of all clips with a 95% bootstrap interval over clips.",
     ]
     for metric in METRICS:
         parts += [f"\n## {_TITLES[metric]}\n", *table_of(rows, metric, config.seed).markdown()]
