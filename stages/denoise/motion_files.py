@@ -70,8 +70,8 @@ def motion_file(config: Config) -> MotionFile:
     if source.suffix == ".bvh":
         bvh = read_bvh(source.read(), source.name, keep_unreadable_rows=True)
         choose_map(maps, [joint.name for joint in bvh.joints], must_fit=bool(maps))
-        there = np.isfinite(bvh.values).all(axis=1)
-        zero = there & (bvh.values == 0).all(axis=1)
+        there = np.asarray(np.isfinite(bvh.values).all(axis=1))
+        zero = there & np.asarray((bvh.values == 0).all(axis=1))
         if (there & ~zero).sum() >= 1:
             there &= ~zero
         if not there.any():

@@ -12,7 +12,7 @@ from stages.denoise.selection import check_something_there, chosen_frames, chose
 from stages.denoise.summary import figures_of, lines_of
 from stages.shared.contract import StageReport
 from stages.shared.formats.writers import SUFFIXES
-from stages.shared.inference.denoising import DenoiseOptions, Denoised, denoise_motion
+from stages.shared.inference.denoising import Denoised, DenoiseOptions, denoise_motion
 from stages.shared.inference.models import load_weights
 from stages.shared.inference.pose_denoising import check_rig, refined
 from stages.shared.inference.pose_model import PoseModel, load_pose_model

@@ -22,7 +22,7 @@ def chosen_frames(text: str | None, frames: int) -> np.ndarray:
 
 
 def chosen_joints(text: str | None, skeleton: Skeleton) -> tuple[np.ndarray, bool]:
-    """(J,) True for joints to clean, and whether positions are cleaned too. Raises InputError for an unknown joint."""
+    """(J,) True for joints to clean, and whether positions are cleaned. Raises InputError for an unknown joint."""
     if text is None:
         return np.ones(skeleton.joints, bool), True
     wanted = [part.strip() for part in text.split(",") if part.strip()]

@@ -13,7 +13,7 @@ _SHOWN = 6
 
 
 def figures_of(skeleton: Skeleton, found: Denoised) -> dict[str, Any]:
-    """What changed, for machines: counts, frames as pairs of first and last, and a row for each joint that changed."""
+    """What changed, for machines: counts, frames as pairs of first and last, a row for each joint that changed."""
     touched = found.changed.any(axis=1) | found.moved
     rows = []
     for joint in np.flatnonzero(found.changed.any(axis=0)):
@@ -33,7 +33,7 @@ def figures_of(skeleton: Skeleton, found: Denoised) -> dict[str, Any]:
         "frames": len(touched),
         "changed_frames": int(touched.sum()),
         "kept_frames": int((~touched).sum()),
-        "noisy_frames": stretches(found.noisy.all(axis=1)),
+        "noisy_frames": stretches(np.asarray(found.noisy.all(axis=1))),
         "filled_by_weights": stretches(found.filled),
         "mean_shift_mm": float(1000 * moved.mean()) if len(moved) else 0.0,
         "most_shift_mm": float(1000 * found.shifted_m.max()),

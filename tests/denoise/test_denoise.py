@@ -1,4 +1,4 @@
-"""`pumps denoise`: what is clean keeps its bytes, noise and gaps are mended, options limit it, bad input is refused."""
+"""`pumps denoise`: what is clean keeps its bytes, noise and gaps are mended, options limit it, refusals."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_frames_joints_and_strength_limit_what_changes(folder: Path):
     columns = np.flatnonzero((made.values != noisy.values)[outside].any(axis=0))
     knee = next(joint for joint in made.joints if joint.name == "left_knee")
     assert set(columns) <= set(range(knee.first_channel, knee.first_channel + len(knee.channels)))
-    none, figures = cleaned(folder, "none", strength=0.0)
+    _, figures = cleaned(folder, "none", strength=0.0)
     assert figures["changed_frames"] == GAP.stop - GAP.start
     half, _ = cleaned(folder, "half", method="laplacian", width=3.0, strength=0.5)
     full, _ = cleaned(folder, "full", method="laplacian", width=3.0)

@@ -75,7 +75,7 @@ def denoise_motion(
     options = options or DenoiseOptions()
     local = local_rotations_of(skeleton, motion)
     places = positions_in(motion)
-    gone = missing.all(axis=1)
+    gone = np.asarray(missing.all(axis=1))
     filled = np.zeros(motion.frames, bool)
     noisy = missing.copy()
     start_local, start_places = (local, places)
@@ -117,7 +117,7 @@ def denoise_motion(
     share = np.where(missing, 1.0, options.strength * asked)
     made_local = slerp(local, aligned_signs(start_local, local), share[..., None])
     made_local = np.where(missing[..., None], start_local, np.where(share[..., None] > 0, made_local, local))
-    share = np.where(gone, 1.0, options.strength * asked.any(axis=1) * positions)[:, None]
+    share = np.where(gone, 1.0, options.strength * np.asarray(asked.any(axis=1)) * positions)[:, None]
     made_places = np.where(gone[:, None], start_places, places + share * (start_places - places))
     return _compared(skeleton, motion, local, places, made_local, made_places, missing, gone, noisy, filled)
 

@@ -1,7 +1,7 @@
 """Which frames of a motion are noisy, from the motion alone.
 
-A frame that was not disturbed lies near the line through two undisturbed frames in its neighbourhood. A noisy one lies
-near no such line, since noise is independent from frame to frame. So every frame is predicted from all pairs of
+A frame that was not disturbed lies near the line through two undisturbed frames in its neighbourhood. A noisy one
+lies near no such line, since noise is independent from frame to frame. So every frame is predicted from all pairs of
 frames near it; its smallest error separates the two kinds even if most frames are noisy. What this finds is then
 refined: each frame is predicted from the nearest frames that were found clean. Errors are of quaternions, the median
 over joints where a whole frame is judged, so that a few fast joints do not make a frame noisy.

@@ -19,7 +19,7 @@ from stages.shared.solve.robust_smoothing import mend_poses
 
 @dataclass(frozen=True)
 class SeenNoise:
-    """What the network sees of noisy windows: features, given (B, T), its base, and how the windows were placed."""
+    """What the network sees of noisy windows: features, given (B, T), the base, and how they were placed."""
 
     features: Tensor
     given: Tensor
@@ -29,7 +29,7 @@ class SeenNoise:
 
 
 class DenoiseTask(PoseTask):
-    """Noise from a preset of `noise.py`; the network's outputs are added to the noisy pose itself, as in the paper."""
+    """Noise from a preset of `noise.py`; the network's outputs are added to the noisy pose itself."""
 
     name: ClassVar[str] = "denoise"
     corruptions: ClassVar[tuple[str, ...]] = tuple(NOISES)

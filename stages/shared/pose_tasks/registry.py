@@ -17,7 +17,10 @@ TASKS = {
 
 
 def task_named(name: str, rig: Rig, corruption: str | None = None) -> PoseTask:
-    """The task of this name on a rig, with its first corruption by default. Raises UsageError if there is no such task or corruption."""
+    """The task of this name on a rig, with its first corruption by default.
+
+    Raises: UsageError if there is no such task or corruption.
+    """
     if name not in TASKS:
         raise UsageError(f"There is no task {name!r}.", f"Take one of {', '.join(TASKS)}.")
     module, _, type_name = TASKS[name].partition(":")

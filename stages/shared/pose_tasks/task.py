@@ -1,4 +1,4 @@
-"""The interface of a task in pose space (PUMPS 5): what a network sees of clean windows of one rig, and what it returns.
+"""The interface of a task in pose space (PUMPS 5): what a network sees of clean windows of one rig, and shall return.
 
 A new task is a subclass of `PoseTask` with `features` and `draw`, named in `registry.py`. Training, loss, validation
 and checkpoints are the same for all (`stages.shared.training.pose_training`).
@@ -90,7 +90,7 @@ class PoseTask(ABC):
         return {"position": mean_norm(apart, batch.valid), "quaternion": mean_norm(turned, batch.valid)}
 
     def measures(self, made: BodyPose, batch: TaskBatch) -> dict[str, float]:
-        """What validation reports; the first one selects the best weights. `mpjpe_mm`; `acceleration_mm`, per frame^2."""
+        """What validation reports; the first selects the best weights. `mpjpe_mm`; `acceleration_mm`, mm/frame^2."""
         body = self.rig.body
         apart = made.heads(body) - batch.target.heads(body)
         bends = apart[:, 2:] - 2 * apart[:, 1:-1] + apart[:, :-2]

@@ -45,7 +45,7 @@ def rig_pools(reader: TpcReader, rig: Rig, config: TrainingConfig) -> tuple[Wind
 
 
 def sets_of_rig(reader: TpcReader, rig: Rig) -> frozenset[str]:
-    """Ids of the artefact's sets of bones that are the rig's: the same tree, and lengths to 0.1 mm."""
+    """Ids of the artefact's sets of bones that are the rig's: the same tree and lengths, to 0.1 mm."""
     body = rig.body
     found = set()
     for name in sorted({row.skeleton for row in reader.clips if row.skeleton}):

@@ -44,6 +44,8 @@ class Config(TrainingConfig):
         description="Sizes for --from scratch; otherwise those of the weights.",
     )
     latent_width: int = Field(192, description="Latent width for --from scratch.", ge=4)
+    balance: float = Field(0.0, description="As in `pumps train lms`; clips of one rig are often of one data set.")
+    workers: int = Field(0, description="Processes that prepare batches; 0 for a thread instead.", ge=0)
     rest_frame: int | None = Field(
         None, description="Frame of the rig's file that is its rest pose; default: a mean."
     )

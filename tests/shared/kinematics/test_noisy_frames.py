@@ -83,9 +83,11 @@ def test_lines_through_clean_frames_are_those_of_plain_loops():
         before = [a for a in range(t - 1, -1, -1) if good[a]][:2]
         after = [a for a in range(t + 1, 30) if good[a]][:2]
         lines = [(before[0], after[0])] if before and after else []
-        for pair in (before, after):
-            if len(pair) == 2 and (abs(pair[1] - t) <= 3 or not (before and after)):
-                lines.append((pair[0], pair[1]))
+        lines += [
+            (pair[0], pair[1])
+            for pair in (before, after)
+            if len(pair) == 2 and (abs(pair[1] - t) <= 3 or not (before and after))
+        ]
         found = []
         for a, b in lines:
             share = (b - t) / (b - a)
