@@ -131,7 +131,7 @@ def completed(line: str) -> list[str]:
         ("pumps evaluate --weights ", shipped_weights()),
         ("pumps weights show ", shipped_weights()),
         ("pumps train ae --preset ", preset_names()),
-        ("pumps train ae --preset t", ["table2", "tiny"]),
+        ("pumps train ae --preset t", ["table1", "table2", "tiny"]),
         ("pumps retarget --method ", ["turns", "solve", "network", "both"]),
         ("pumps retarget --device c", ["cpu", "cuda"]),
         ("pumps weights p", ["pack"]),
