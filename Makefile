@@ -3,7 +3,7 @@
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
-# make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
+# make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; ESTIMATE_STEPS=400
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -47,7 +47,7 @@ HELD_OUT_WINDOWS ?= 40
 RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
-TABLE3_STEPS   ?= 400
+ESTIMATE_STEPS   ?= 400
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
@@ -108,7 +108,7 @@ fill:
 table2: install
 	$(call made,table2)
 table3: install
-	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
+	$(call made,table3,,--with 'steps=$(ESTIMATE_STEPS)' --with 'half=$(shell expr $(ESTIMATE_STEPS) / 2)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install

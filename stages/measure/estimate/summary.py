@@ -50,7 +50,7 @@ def summary_md(config: Config, rows: Sequence[MetricRow], models: Mapping[str, P
         "# Estimation from 2D keypoints (PUMPS Table 3)\n",
         f"Made by:\n\n```\n{command_line('pumps measure estimate', config)}\n```\n",
         f"{clips} clips, {windows} windows of {config.window} frames at 30 fps; keypoints: {corruption}. Positions "
-        "are relative to the root, in the frame that the camera looks along, level. All methods see the same cameras. "
+        "are relative to the root, in a level frame that the camera looks along. All methods see the same cameras. "
         f"Means over windows; of all clips with a 95% bootstrap interval over clips. `{REST}`: no network.\n",
         "\n".join(
             f"- {name}: {sum(value.numel() for value in model.network.parameters()) / 1e6:.2f} M parameters, trained "
