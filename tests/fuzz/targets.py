@@ -32,12 +32,13 @@ from tests.data_schemas.examples import write_motion
 from tests.shared.formats.amass_files import npz
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
-from tests.shared.formats.hostile import OWN_WORDS, TARGETS, WORDS, a_glb, a_scene, an_archive, check_recordings
+from tests.shared.formats.glb_bytes import glb_with
+from tests.shared.formats.hostile import OWN_WORDS, TARGETS, WORDS, a_scene, an_archive, check_recordings
 from tests.shared.formats.keypoint_files_made import SIZE as KEYPOINTS_SIZE
 from tests.shared.formats.keypoint_files_made import every_file
+from tests.shared.formats.position_files import NAMES, PLACES, csv_of_places, npy_of
 from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
-from tests.shared.formats.test_landmarks import _trc
-from tests.shared.formats.test_positions import NAMES, PLACES, _csv, _npy
+from tests.shared.formats.trc_files import trc_of
 
 _NAME = "fuzz.bin"
 _RIG = BvhText(frames=1).data()
@@ -206,12 +207,7 @@ def _scenes() -> Iterator[bytes]:
 
 def _gltf_json(data: bytes) -> None:
     _, rest = a_scene()
-    head = data + b" " * (-len(data) % 4)
-    whole = a_glb({}, rest)
-    length = int.from_bytes(whole[12:16], "little")
-    body = whole[20 + length :]
-    sizes = (0x46546C67, 2, 20 + len(head) + len(body), len(head), 0x4E4F534A)
-    _read("gltf", b"".join(each.to_bytes(4, "little") for each in sizes) + head + body, b"")
+    _read("gltf", glb_with(data, rest), b"")
 
 
 def _sidecar() -> list[bytes]:
@@ -250,12 +246,12 @@ FUZZ_TARGETS: dict[str, FuzzTarget] = {
     "robot": FuzzTarget(_reader("robot", RobotText().urdf()), lambda: [csv_of(some_rows(3))], _words("robot")),
     "urdf": FuzzTarget(_rig_of("robot", csv_of(some_rows(3))), lambda: [RobotText().urdf()], _words("urdf")),
     "positions-csv": FuzzTarget(
-        _reader("positions", _RIG), lambda: [_csv(list(NAMES), PLACES[:3], fps=30)], _words("positions"),
+        _reader("positions", _RIG), lambda: [csv_of_places(list(NAMES), PLACES[:3], fps=30)], _words("positions"),
     ),
-    "positions-trc": FuzzTarget(_reader("positions", _RIG), lambda: [_trc(list(NAMES), PLACES[:3])], _TRC),
-    "positions-json": FuzzTarget(_rig_of("positions", _csv(list(NAMES), PLACES[:3])), _sidecar, _JSON),
+    "positions-trc": FuzzTarget(_reader("positions", _RIG), lambda: [trc_of(list(NAMES), PLACES[:3])], _TRC),
+    "positions-json": FuzzTarget(_rig_of("positions", csv_of_places(list(NAMES), PLACES[:3])), _sidecar, _JSON),
     "positions-arrays": FuzzTarget(_arrays("positions", _positions), _edits),
-    "npy": FuzzTarget(_reader("positions", _RIG), lambda: [_npy(PLACES[:3])], _NPY),
+    "npy": FuzzTarget(_reader("positions", _RIG), lambda: [npy_of(PLACES[:3])], _NPY),
     "keypoints": FuzzTarget(
         _keypoints, lambda: [data for data, _ in every_file().values()],
         (b'"keypoints"', b'"instances"', b'"image_id"', b"likelihood", b"bodyparts", *WORDS),

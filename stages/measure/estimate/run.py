@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import zlib
-from collections.abc import Iterator, Sequence
-from fnmatch import fnmatch
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -27,6 +25,7 @@ from stages.shared.pose_tasks.estimate import EstimateTask
 from stages.shared.pose_tasks.task import TaskBatch
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.metrics import mpjpe_mm, mpjve_mm
+from stages.shared.statistics.rig_windows import windows_by_category
 from stages.shared.training.pose_training import sets_of_rig
 from stages.shared.weights.shipped import named_source
 from stages.shared.weights.task_weights import task_weights
@@ -95,37 +94,8 @@ def _one_task(models: dict[str, PoseModel]) -> EstimateTask:
 
 
 def _windows(reader: TpcReader, task: EstimateTask, config: Config) -> Iterator[tuple[str, ClipRow, list[int]]]:
-    """Category, clip and the first frames of its windows, which do not overlap."""
-    own = sets_of_rig(reader, task.rig)
-    patterns = [(name, pattern) for name, _, pattern in (text.partition("=") for text in config.category)]
-    by_category: dict[str, list[tuple[ClipRow, int]]] = {}
-    for row in sorted(reader.clips, key=lambda row: row.clip):
-        if row.split in config.splits and row.skeleton in own and row.frames >= config.window:
-            category = category_of(row, patterns)
-            if category is not None:
-                starts = range(0, row.frames - config.window + 1, config.window)
-                by_category.setdefault(category, []).extend((row, start) for start in starts)
-    if not by_category:
-        raise InputError(
-            f"{config.tpc} has no clip of the rig with {config.window} frames in {', '.join(config.splits)}.",
-            "Name another split with --splits, or patterns that match with --category.",
-        )
-    for category, found in sorted(by_category.items()):
-        if config.max_windows and len(found) > config.max_windows:
-            found = [found[i] for i in np.linspace(0, len(found) - 1, config.max_windows).round().astype(int)]
-        for clip in dict.fromkeys(row.clip for row, _ in found):
-            mine = [(row, start) for row, start in found if row.clip == clip]
-            yield category, mine[0][0], [start for _, start in mine]
-
-
-def category_of(row: ClipRow, patterns: Sequence[tuple[str, str]]) -> str | None:
-    """The first category whose pattern the clip's source matches, None if there is none; without patterns the first
-    word of the file's name: walk of walk3_subject4.bvh."""
-    source = row.source.replace("\\", "/")
-    if patterns:
-        return next((name for name, pattern in patterns if fnmatch(source, pattern)), None)
-    found = re.match(r"[^\W\d_]+", PurePosixPath(source.rsplit("!", 1)[-1]).stem)
-    return found[0] if found else "other"
+    own, most = sets_of_rig(reader, task.rig), config.max_windows
+    return windows_by_category(reader.clips, own, config.splits, config.category, config.window, most, config.tpc)
 
 
 def _batch(reader: TpcReader, task: EstimateTask, clip: ClipRow, start: int, config: Config) -> TaskBatch:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from data_schemas.metrics import MetricRow
 from stages.measure.estimate.config import Config
 from stages.shared.inference.pose_model import PoseModel
 from stages.shared.settings.command_line import command_line
-from stages.shared.statistics.bootstrap import mean_interval
-from stages.shared.statistics.table import Entry, Row, Table
+from stages.shared.statistics.category_tables import table_of
 
 REST = "rest pose"
 METRICS = ("mpjpe_mm", "mpjve_mm", "root_mm")
@@ -20,25 +17,6 @@ _TITLES = {
     "mpjve_mm": "MPJVE, mm a frame",
     "root_mm": "Error of the root's path, mm",
 }
-_ALL = "all"
-
-
-def table_of(rows: Sequence[MetricRow], metric: str, seed: int) -> Table:
-    """Methods by category, and over all clips with a 95% bootstrap interval over clips."""
-    categories = sorted({row.archive for row in rows})
-    found = []
-    for method in dict.fromkeys(row.method for row in rows):
-        own = [row for row in rows if row.method == method and row.metric == metric]
-        entries = []
-        for category in (*categories, _ALL):
-            some = [row for row in own if category in (row.archive, _ALL)]
-            values, windows = (np.array([getattr(row, name) for row in some], float) for name in ("value", "windows"))
-            estimate = mean_interval(values, windows, seed)
-            wide = category == _ALL and estimate.low is not None
-            span = f"[{estimate.low:.1f}, {estimate.high:.1f}]" if wide else ""
-            entries.append(Entry(f"{estimate.value:.1f}", span))
-        found.append(Row((method,), tuple(entries)))
-    return Table(("method",), (*categories, _ALL), tuple(found))
 
 
 def summary_md(config: Config, rows: Sequence[MetricRow], models: Mapping[str, PoseModel]) -> str:
@@ -50,8 +28,8 @@ def summary_md(config: Config, rows: Sequence[MetricRow], models: Mapping[str, P
         "# Estimation from 2D keypoints (PUMPS Table 3)\n",
         f"Made by:\n\n```\n{command_line('pumps measure estimate', config)}\n```\n",
         f"{clips} clips, {windows} windows of {config.window} frames at 30 fps; keypoints: {corruption}. Positions "
-        "are relative to the root, in a level frame that the camera looks along. All methods see the same cameras. "
-        f"Means over windows; of all clips with a 95% bootstrap interval over clips. `{REST}`: no network.\n",
+        "are relative to the root, in the frame that the camera looks along, level. All methods see the same "
+        f"cameras. Means over windows; of all clips with a 95% bootstrap interval over clips. `{REST}`: no network.\n",
         "\n".join(
             f"- {name}: {sum(value.numel() for value in model.network.parameters()) / 1e6:.2f} M parameters, trained "
             f"on {model.trained_on}."

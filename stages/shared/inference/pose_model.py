@@ -52,20 +52,21 @@ class PoseModel:
         return made.to(torch.device("cpu"))
 
 
-def load_pose_model(path: str | Path, task: str, device: str = "auto") -> PoseModel:
-    """The network of a checkpoint that `pumps train finetune` wrote for a task.
+def load_pose_model(path: str | Path, tasks: str | tuple[str, ...], device: str = "auto") -> PoseModel:
+    """The network of a checkpoint that `pumps train finetune` wrote for a task, or for one of several.
 
     Raises: InputError if the checkpoint is of another kind or for another task.
     """
     artefact = open_artefact(path, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
     config = kept.config
-    mend = f"Give the folder that `pumps train finetune --task {task}` wrote."
+    tasks = (tasks,) if isinstance(tasks, str) else tasks
+    mend = f"Give the folder that `pumps train finetune --task {tasks[0]}` wrote."
     if config.get("network") != "pose" or config.get("kind") not in NETWORKS:
         raise InputError(f"{path} holds no network that was fine-tuned for a task.", mend)
-    if config.get("task") != task:
-        raise InputError(f"{path} holds a network for the task {config.get('task')!r}, not {task!r}.", mend)
-    made = task_named(task, Rig.of_plain(config.get("rig")), str(config.get("corruption")))
+    if config.get("task") not in tasks:
+        raise InputError(f"{path} holds a network for the task {config.get('task')!r}, not {tasks[0]}.", mend)
+    made = task_named(config["task"], Rig.of_plain(config.get("rig")), str(config.get("corruption")))
     outputs = outputs_of(made.rig.body)
     network = build_bounded(
         lambda: PoseNetwork(config["kind"], made.features, outputs, config["settings"]),

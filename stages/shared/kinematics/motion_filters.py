@@ -2,8 +2,8 @@
 
 They run on columns of values over time. Rotations are filtered as quaternions with continuous signs, whose components
 are curves without jumps, and are scaled to length 1 afterwards. The constants below are the best of a grid on
-validation clips of Bandai Namco's sets with the noise `capture` (`stages.shared.pose_tasks.noise`). `width` multiplies
-the time over which a filter averages, for noise that is worse or better than that.
+validation clips of Bandai Namco's sets with the noise `capture` (`stages.shared.pose_tasks.noise`). `width`
+multiplies the time over which a filter averages, for noise that is worse or better than that.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ Filter = Callable[[np.ndarray, float, float], np.ndarray]  # values (T, F), fram
 
 def savgol(values: np.ndarray, fps: float, width: float = 1.0) -> np.ndarray:
     """A polynomial of degree 3 fitted around each frame (Savitzky and Golay 1964), by SciPy; values (T, F)."""
-    window = max(SAVGOL_DEGREE + 2, int(round(width * SAVGOL_S * fps)) | 1)
+    window = max(SAVGOL_DEGREE + 2, round(width * SAVGOL_S * fps) | 1)
     window = min(window, len(values) - 1 + len(values) % 2)
     if window <= SAVGOL_DEGREE:
         return values.copy()
-    return savgol_filter(values, window, SAVGOL_DEGREE, axis=0)
+    return np.asarray(savgol_filter(values, window, SAVGOL_DEGREE, axis=0))
 
 
 def butterworth(values: np.ndarray, fps: float, width: float = 1.0) -> np.ndarray:
@@ -60,7 +60,7 @@ def laplacian(values: np.ndarray, fps: float, width: float = 1.0) -> np.ndarray:
     """Laplacian smoothing (Sorkine 2004, in time): frames move half-way to the mean of their neighbours, round by
     round; the first and last frame stay. The rounds together are nearly a Gaussian."""
     out = np.array(values, np.float64)
-    for _ in range(max(1, int(round((width * LAPLACIAN_S * fps) ** 2 / _LAPLACIAN_SHARE)))):
+    for _ in range(max(1, round((width * LAPLACIAN_S * fps) ** 2 / _LAPLACIAN_SHARE))):
         out[1:-1] += _LAPLACIAN_SHARE * ((out[:-2] + out[2:]) / 2 - out[1:-1])
     return out
 

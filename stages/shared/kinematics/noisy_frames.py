@@ -1,7 +1,7 @@
 """Which frames of a motion are noisy, from the motion alone.
 
-A frame that was not disturbed lies near the line through two undisturbed frames in its neighbourhood. A noisy one lies
-near no such line, since noise is independent from frame to frame. So every frame is predicted from all pairs of
+A frame that was not disturbed lies near the line through two undisturbed frames in its neighbourhood. A noisy one
+lies near no such line, since noise is independent from frame to frame. So every frame is predicted from all pairs of
 frames near it; its smallest error separates the two kinds even if most frames are noisy. What this finds is then
 refined: each frame is predicted from the nearest frames that were found clean. Errors are of quaternions, the median
 over joints where a whole frame is judged, so that a few fast joints do not make a frame noisy.
@@ -24,6 +24,8 @@ _JOINT_LIMITS = (5.0, 6.0)
 _MOTION = 0.2  # of the clean frames' errors, the quantile that noisy ones among them do not reach
 _OF_NOISE = 0.35  # of the noisy frames' usual error: a smaller one is motion
 _ROUNDS = 8
+_AT_ENDS, _MOST_GROWTH = 2.0, 3.0  # times more at the ends; what the growth with the gap may be at most
+_BEYOND, _HIGH, _AROUND = 3.0, 80, 25  # times that percentile of the errors of clean frames around, in frames
 _NEAR = 3  # frames, within which a line may be continued beyond two clean frames
 
 
@@ -81,7 +83,23 @@ def _refined(values: np.ndarray, noisy: np.ndarray, limit: float, floor: float) 
         if (again == noisy).all():
             break
         noisy = again
-    return noisy
+    return noisy & _beyond_motion(values, noisy)
+
+
+def _beyond_motion(values: np.ndarray, noisy: np.ndarray) -> np.ndarray:
+    """(T,) True where a noisy frame's error is also far above that of the clean frames near it: in a fast movement
+    lines through clean frames miss every frame. At the ends, where a line must be continued, more is asked for."""
+    clean = ~noisy
+    if not noisy.any() or clean.sum() < 3:
+        return noisy
+    error, gap = errors_from_clean(values, clean)
+    level = error / np.sqrt(gap)
+    at = np.flatnonzero(clean)
+    usual = percentile_filter(level[at], _HIGH, size=min(_AROUND, 2 * len(at) - 1), mode="nearest")
+    near = np.interp(np.arange(len(values)), at, usual)
+    frames = np.arange(len(values))
+    asked = np.where((frames < at[0]) | (frames > at[-1]), _AT_ENDS * _BEYOND, _BEYOND)
+    return error > asked * near * np.minimum(np.sqrt(gap), _MOST_GROWTH)
 
 
 def pair_errors(values: np.ndarray, *, together: bool, reach: int = REACH) -> np.ndarray:

@@ -17,7 +17,7 @@ TURN_UNIT = 0.3  # and a column of a rotation's matrix by this much
 
 @dataclass(frozen=True)
 class BodyPose:
-    """roots (B, T, 3): the pelvis in the world, metres. rotations (B, T, J, 4): global, unit xyzw, of the body's bones."""
+    """roots (B, T, 3): the pelvis in the world, metres. rotations (B, T, J, 4): of the body's bones, global, xyzw."""
 
     roots: Tensor
     rotations: Tensor

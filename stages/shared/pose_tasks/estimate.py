@@ -92,9 +92,9 @@ class EstimateTask(PoseTask):
     corruptions: ClassVar[tuple[str, ...]] = (PAPER, MASKED, SEEN, DETECTED)
     from_root: ClassVar[bool] = True
 
-    def __init__(self, rig: Rig, corruption: str):
+    def __init__(self, rig: Rig, corruption: str | None = None):
         super().__init__(rig, corruption)
-        self.mirror = mirror_of_rig(rig) if corruption not in OF_JOINTS else None
+        self.mirror = mirror_of_rig(rig) if self.corruption not in OF_JOINTS else None
 
     @property
     def points(self) -> int:

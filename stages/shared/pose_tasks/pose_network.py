@@ -9,8 +9,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from stages.shared.networks.denoisers.denoisers import DENOISERS, denoiser
+from stages.shared.networks.denoisers.denoisers import SIZES as DENOISER_SIZES
 from stages.shared.networks.layers.sizes import SynthesiserSizes
 from stages.shared.networks.lifters.lifters import LIFTERS, lifter
+from stages.shared.networks.lifters.lifters import SIZES as LIFTER_SIZES
 from stages.shared.networks.pumps.pose_trunk import PoseTrunk
 from stages.shared.pose_tasks.body_pose import BodyPose, pose_from_root, pose_of_outputs
 
@@ -26,7 +29,13 @@ def _pumps(features: int, outputs: int, settings: Mapping[str, Any]) -> nn.Modul
     return PoseTrunk(features, outputs, int(settings["latent_width"]), SynthesiserSizes(**settings["synthesiser"]))
 
 
-NETWORKS: dict[str, Builder] = {"pumps": _pumps, **{kind: partial(lifter, kind) for kind in LIFTERS}}
+NETWORKS: dict[str, Builder] = {
+    "pumps": _pumps,
+    **{kind: partial(lifter, kind) for kind in LIFTERS},
+    **{kind: partial(denoiser, kind) for kind in DENOISERS},
+}
+SIZES: dict[str, dict[str, int]] = {**LIFTER_SIZES, **DENOISER_SIZES}  # of all kinds but pumps
+OF_KEYPOINTS = frozenset(LIFTERS)  # these read the features of the task `estimate` alone
 
 
 class PoseNetwork(nn.Module):

@@ -1,7 +1,7 @@
-"""The interface of a task in pose space (PUMPS 5): from clean windows of one rig to what a network sees and shall return.
+"""The interface of a task in pose space (PUMPS 5): what a network sees of clean windows of one rig, and shall return.
 
-A new task is a subclass of `PoseTask` with `features` and `draw`, named in `registry.py`. Training, loss, validation and
-checkpoints are the same for all (`stages.shared.training.pose_training`).
+A new task is a subclass of `PoseTask` with `features` and `draw`, named in `registry.py`. Training, loss, validation
+and checkpoints are the same for all (`stages.shared.training.pose_training`).
 """
 
 from __future__ import annotations
@@ -59,10 +59,12 @@ class PoseTask(ABC):
     corruptions: ClassVar[tuple[str, ...]]
     from_root: ClassVar[bool] = False
 
-    def __init__(self, rig: Rig, corruption: str):
+    def __init__(self, rig: Rig, corruption: str | None = None):
+        corruption = self.corruptions[0] if corruption is None else corruption
         if corruption not in self.corruptions:
             raise UsageError(
-                f"The task {self.name} has no corruption {corruption!r}.", f"Take one of {', '.join(self.corruptions)}."
+                f"The task {self.name} has no corruption {corruption!r}.",
+                f"Take one of {', '.join(self.corruptions)}.",
             )
         self.rig, self.corruption = rig, corruption
 
@@ -88,7 +90,7 @@ class PoseTask(ABC):
         return {"position": mean_norm(apart, batch.valid), "quaternion": mean_norm(turned, batch.valid)}
 
     def measures(self, made: BodyPose, batch: TaskBatch) -> dict[str, float]:
-        """What validation reports; the first one selects the best weights. `mpjpe_mm`; `acceleration_mm`, mm/frame^2."""
+        """What validation reports; the first selects the best weights. `mpjpe_mm`; `acceleration_mm`, mm/frame^2."""
         body = self.rig.body
         apart = made.heads(body) - batch.target.heads(body)
         bends = apart[:, 2:] - 2 * apart[:, 1:-1] + apart[:, :-2]

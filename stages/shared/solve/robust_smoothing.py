@@ -36,17 +36,17 @@ class Mended:
 
 
 def mend_poses(local: np.ndarray, positions: np.ndarray, missing: np.ndarray | None = None) -> Mended:
-    """Find noisy frames and joints, put what the clean frames say in their place, smooth jitter where there is any.
+    """Find noisy frames and joints, put what clean frames say in their place, smooth jitter.
 
     Args:
-        local: (T, J, 4) unit quaternions in the parents' frames. positions: (T, C) curves of position channels, metres.
+        local: (T, J, 4) unit quaternions in the parents' frames. positions: (T, C) position channels, metres.
         missing: (T, J) True where a rotation is not there; positions of frames with no joint there are missing too.
 
     In each column of `missing` one frame at least must be there.
     """
     frames, joints = local.shape[:2]
     gone = np.zeros((frames, joints), bool) if missing is None else missing.copy()
-    empty = gone.all(axis=1)
+    empty = np.asarray(gone.all(axis=1))
     curves = continuous_signs(_bridged(np.asarray(local, np.float64), gone))
     places = _bridged(np.asarray(positions, np.float64)[:, None], empty[:, None])[:, 0]
     if frames < 5:
@@ -67,7 +67,9 @@ def mend_poses(local: np.ndarray, positions: np.ndarray, missing: np.ndarray | N
             frames, len(columns), 4
         )
     made = _unit(made)
-    places = _mended(places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0]))
+    places = _mended(
+        places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0])
+    )
     return Mended(_without_jitter(made), _positions_without_jitter(places), bad, whole)
 
 
@@ -127,8 +129,8 @@ def noise_weight(values: np.ndarray, noisy: np.ndarray, empty: np.ndarray) -> np
     """The weight of a noisy frame in the smoother, (1, J), against 1 for a clean one.
 
     The smoother's curve is the most probable one if weights are the ratio of the acceleration's variance to the
-    noise's, times span^4. A line through the frames beside a frame misses it by half its acceleration; a noisy one, by
-    its noise.
+    noise's, times span^4. A line through the frames beside a frame misses it by half its acceleration; a noisy one,
+    by its noise.
 
     Args:
         values: (T, J, C). noisy, empty: (T,) noisy frames, and those without values.

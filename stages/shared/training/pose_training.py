@@ -19,8 +19,8 @@ from stages.shared.training.config import TrainingConfig
 from stages.shared.training.task import HELD_BACK_SEED, RowRandom, TrainingTask, step_random
 from stages.shared.training.windows import WindowPool
 
-_VALIDATION_WINDOWS = 48
-_SCALING_WINDOWS = 64  # that scale the features
+_VALIDATION_WINDOWS = 32
+_SCALING_WINDOWS = 32  # that scale the features
 _VALIDATION, _SCALING = 11, 12  # the purposes of the generators
 _SAME_M = 1e-4
 
@@ -45,7 +45,7 @@ def rig_pools(reader: TpcReader, rig: Rig, config: TrainingConfig) -> tuple[Wind
 
 
 def sets_of_rig(reader: TpcReader, rig: Rig) -> frozenset[str]:
-    """Ids of the artefact's sets of bones that are the rig's: the same tree and lengths, to a tenth of a millimetre."""
+    """Ids of the artefact's sets of bones that are the rig's: the same tree and lengths, to 0.1 mm."""
     body = rig.body
     found = set()
     for name in sorted({row.skeleton for row in reader.clips if row.skeleton}):

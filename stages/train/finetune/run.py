@@ -14,11 +14,10 @@ from stages.shared.contract import StageReport
 from stages.shared.formats.rig_file import rig_of_file
 from stages.shared.inference.models import load_weights
 from stages.shared.networks.layers.device import choose_device
-from stages.shared.networks.lifters.lifters import SIZES as LIFTER_SIZES
 from stages.shared.networks.pumps.pose_trunk import PoseTrunk
 from stages.shared.outputs import check_artefact
 from stages.shared.pose_tasks.body_pose import outputs_of
-from stages.shared.pose_tasks.pose_network import NETWORKS, PoseNetwork
+from stages.shared.pose_tasks.pose_network import NETWORKS, OF_KEYPOINTS, SIZES, PoseNetwork
 from stages.shared.pose_tasks.registry import task_named
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import train
@@ -66,8 +65,13 @@ def started_network(
     """The network around the synthesiser of `from_` or a new one, its settings, and the artefacts it came from."""
     if config.network not in NETWORKS:
         raise UsageError(f"There is no network {config.network!r}.", f"Take one of {', '.join(NETWORKS)}.")
+    if config.network in OF_KEYPOINTS and config.task != "estimate":
+        others = ", ".join(kind for kind in NETWORKS if kind not in OF_KEYPOINTS)
+        raise UsageError(
+            f"The network {config.network} reads keypoints, for --task estimate.", f"Take one of {others}."
+        )
     if config.network != "pumps":
-        sizes: dict[str, Any] = dict(LIFTER_SIZES[config.network])
+        sizes: dict[str, Any] = dict(SIZES[config.network])
         return PoseNetwork(config.network, features, outputs, sizes), sizes, []
     if config.from_ == SCRATCH:
         settings = {"latent_width": config.latent_width, "synthesiser": config.synthesiser.model_dump()}

@@ -13,11 +13,12 @@ from data_schemas.metrics import read_metrics
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
 from stages.measure.estimate.config import Config
-from stages.measure.estimate.run import category_of, run
+from stages.measure.estimate.run import run
 from stages.measure.estimate.summary import METRICS, REST
 from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
 from stages.shared.networks.lifters.lifters import CAMERA_FEATURES, LIFTERS, SIZES, lifter
+from stages.shared.statistics.category_tables import category_of
 from stages.train.finetune.config import Config as TrainConfig
 from stages.train.finetune.run import run as finetune
 from tests.docs.pages import ROOT

@@ -28,7 +28,7 @@ class PoseTrunk(nn.Module):
 
     def forward(self, features: Tensor, given: Tensor, times: Tensor, valid: Tensor | None = None) -> Tensor:
         """Args:
-            features: (B, T, F), about 1 in size. given: (B, T) True where they may be read; one at least in every row.
+            features: (B, T, F), about 1 in size. given: (B, T) True where they may be read, one or more in a row.
             times: (B or 1, T) model frames. valid: (B, T) True for real frames; None for all.
 
         Returns: (B, T, outputs).
