@@ -131,7 +131,7 @@ def completed(line: str) -> list[str]:
         ("pumps evaluate --weights ", shipped_weights()),
         ("pumps weights show ", shipped_weights()),
         ("pumps train ae --preset ", preset_names()),
-        ("pumps train ae --preset t", ["table2", "tiny"]),
+        ("pumps train ae --preset t", [name for name in preset_names() if name.startswith("t")]),
         ("pumps retarget --method ", ["turns", "solve", "network", "both"]),
         ("pumps retarget --device c", ["cpu", "cuda"]),
         ("pumps weights p", ["pack"]),

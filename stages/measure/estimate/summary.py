@@ -29,7 +29,7 @@ def summary_md(config: Config, rows: Sequence[MetricRow], models: Mapping[str, P
         f"Made by:\n\n```\n{command_line('pumps measure estimate', config)}\n```\n",
         f"{clips} clips, {windows} windows of {config.window} frames at 30 fps; keypoints: {corruption}. Positions "
         "are relative to the root, in the frame that the camera looks along, level. All methods see the same "
-        f"cameras. Means over windows; of all clips with a 95% bootstrap interval over clips. `{REST}`: no network.\n",
+        f"cameras. Means over windows; of all clips with a 95% bootstrap interval. `{REST}`: no network.\n",
         "\n".join(
             f"- {name}: {sum(value.numel() for value in model.network.parameters()) / 1e6:.2f} M parameters, trained "
             f"on {model.trained_on}."
