@@ -2,7 +2,11 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
+# make table1      PUMPS Table 1: ten methods on two rigs, BUDGET=12 minutes of training each, WINDOWS=40 of each kind of
+#                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
+# make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
+# make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -19,10 +23,11 @@
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
+# make bench       what guards a figure, in ten minutes; bench-compare BASE=COMMIT fails if one fell by more than a tenth
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
-# make install | lint | bench | clean-run RUN=mine | help
+# make install | lint | clean-run RUN=mine | help
 #
 # All of them take RUN, PRESET, DATA and SET. Tables read archives in SHARED_DATA (../shared/data), which `pumps data list`
 # names with their sources. What a run makes lies in runs/RUN; `pumps config write` writes its settings and its makefile
@@ -46,13 +51,19 @@ HELD_OUT_WINDOWS ?= 40
 RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
+BUDGET ?= 12
+WINDOWS ?= 40
+GOAL   ?=
+TABLE3_STEPS   ?= 400
+TABLE4_STEPS   ?= 300
+TABLE4_WINDOWS ?= 20
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table2 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -90,7 +101,7 @@ R := $(RUNS)/$(or $(RUN),mine)
 ifneq (,$(wildcard $(R)/run.mk))
 include $(R)/run.mk
 else
-run run-data run-measure run-pages run-rigs run-table1 run-table2 run-table3:
+run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-table1 run-table2 run-table3 run-table4:
 	@test -f $(R)/run.mk || { echo '$(R)/run.mk is not there; the target that makes the run writes it.' >&2; exit 2; }
 endif
 
@@ -103,8 +114,14 @@ reproduce: install
 
 fill:
 	$(call made,mine,,--with 'weights=$(COMPARE)')
+table1: install
+	$(call made,table1,$(GOAL),--with 'minutes=$(BUDGET)' --with "half=$$(awk 'BEGIN { print $(BUDGET) / 2 }')" --with 'windows=$(WINDOWS)')
 table2: install
 	$(call made,table2)
+table3: install
+	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
+table4: install
+	$(call made,table4,,--with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)')
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
 latent-report: install
@@ -154,8 +171,8 @@ DEVICE  ?= cpu
 BATCH   ?= 2
 MINUTES ?= 1
 
-bench: install-dev
-	@for script in $(filter-out benchmarks/training_step.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(VENV)/bin/python "$$script" || exit 1; done
+bench bench-compare: install-dev
+	OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/$(if $(filter bench,$@),guards.py,two_versions.py --base '$(BASE)')
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(AUTHORS:%=--authors '%') --preset $(or $(PRESET),paper) --page docs/performance.md

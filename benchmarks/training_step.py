@@ -1,17 +1,16 @@
-"""Time training steps at the sizes of a preset, beside what the machine can do and what the authors' code took.
+"""Time training steps at the sizes of a preset, beside what the machine can do and, if given, another implementation.
 
     make bench-train [PRESET=paper] [BATCH=2] [DEVICE=cuda] [AUTHORS=adapter.py]
     python benchmarks/training_step.py [--json] [--rounds 3] [--page docs/performance.md] [--compile]
 
-All cases are built in one process and timed in turn, round after round, with a matrix product in every round: the
-least of the rounds is what the step costs, and its ratio to the product holds also where other work shares the
-machine. One more step of each case is counted, and two are taken in a fresh process for their peak memory. What is
-going on is told on standard error.
+All cases are built in one process and timed in turn, round after round, and so are a matrix product and copies of
+memory. One more step of each case is counted, and two are taken in a fresh process for their peak memory. The table
+gives the time that a step's products, or what it reads and writes, would take at the measured rates (the longer of
+the two is the limit), and the share of that limit that the step reaches. Progress goes to standard error.
 
 AUTHORS is a Python file with `make_step(sequences, frames, points, layers)`, which returns a function that takes one
-training step of another implementation (the released PUMPS code, say, which does not run as it is; whoever has
-mended a checkout knows how). Its steps are timed in the same rounds. Without it, ours are held against the times that
-the authors' code took on two CPU cores.
+training step of another implementation (for instance the released PUMPS code, which does not run without changes).
+Its steps are timed in the same rounds.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_all_start_methods, get_context
 from pathlib import Path
 from typing import Any
@@ -37,15 +36,9 @@ from measuring.page import report, write_page
 from measuring.steps import Load, autoencoder_step, encoder_forward, synthesiser_step
 
 from stages.registry import stage_named
-from stages.shared.networks.layers.device import choose_device
+from stages.shared.networks.layers.device import choose_device, computes_bfloat16
 from stages.shared.settings.layers import Layer, settle
 from stages.shared.settings.presets import preset_layers
-
-# The authors' code at 2 x 128 frames x 256 points on two CPU cores, seconds, by layers of the decoder; and its
-# encoder on 256 frames, each point attending to itself alone.
-AUTHORS_STEP_S = {4: 3.7, 16: 5.4}
-AUTHORS_ENCODER_S = 0.37
-AUTHORS_LOAD = (2, 128, 256)
 
 
 @dataclass(frozen=True)
@@ -70,8 +63,16 @@ class Case:
         return ", ".join(parts)
 
 
-def cases_of(preset: str, settings: Any, compiled: bool) -> list[Case]:
-    """At the paper's sizes: both k, 4 and 16 layers, both heads, both precisions. Elsewhere the preset's own."""
+def cases_of(preset: str, settings: Any, compiled: bool, bfloat16: bool) -> list[Case]:
+    """At the paper's sizes: both k, 4 and 16 layers, both heads, both precisions. Elsewhere the preset's own.
+
+    bfloat16: whether the device computes the networks in it; without, each case is timed once, in float32.
+    """
+    cases = _all_cases(preset, settings, compiled)
+    return list(dict.fromkeys(case if bfloat16 else replace(case, mixed=False) for case in cases))
+
+
+def _all_cases(preset: str, settings: Any, compiled: bool) -> list[Case]:
     own = (settings.encoder.neighbours, settings.decoder.layers, settings.decoder.head)
     if preset != "paper":
         cases = [Case("ae", *own), Case("ae", *own, mixed=False), Case("encoder", own[0]), Case("lms", own[0])]
@@ -127,7 +128,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     device = choose_device(options.device)
     ae, lms = settings_of(options.preset)
     load = Load(options.batch or ae.batch, ae.window, ae.points, device)
-    cases = cases_of(options.preset, ae, options.compile)
+    cases = cases_of(options.preset, ae, options.compile, computes_bfloat16(device))
     steps = {case.name: build(case, load, ae, lms) for case in cases}
     if options.authors:
         make_step = runpy.run_path(options.authors)["make_step"]
@@ -155,7 +156,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         row = {"name": case.name, **asdict(case), "first_s": first[case.name], "least_s": min(times)}
         row |= {"median_s": statistics.median(times), "least_cpu_s": min(cpu_seconds[case.name])}
         row |= asdict(work) if work else dict.fromkeys(Work.__dataclass_fields__)
-        row |= {"waits": waits_in(step, device), "authors_s": _authors_s(case, load, seconds)}
+        row |= {"waits": waits_in(step, device), "authors_s": _authors_s(case, seconds)}
         rows.append(row)
     _tell(began, "counted")
     for case, row in zip(cases, rows, strict=True):
@@ -174,7 +175,6 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         "rounds": options.rounds,
         "seconds": time.perf_counter() - began,
         "limits": {name: max(values) for name, values in rates.items()},
-        "authors_measured_here": bool(options.authors),
         "cases": rows,
     }
 
@@ -193,14 +193,10 @@ def _tell(began: float, what: str) -> None:
     print(f"{time.perf_counter() - began:6.1f} s  {what}", file=sys.stderr, flush=True)
 
 
-def _authors_s(case: Case, load: Load, seconds: dict[str, list[float]]) -> float | None:
-    """What the authors' code takes for the same: timed here, or as measured on two CPU cores at that load."""
+def _authors_s(case: Case, seconds: dict[str, list[float]]) -> float | None:
+    """Seconds of the other implementation's step with as many layers, from the same rounds."""
     here = seconds.get(f"authors, {case.layers} layers")
-    if here:
-        return min(here)
-    if (load.sequences, load.frames, load.points) != AUTHORS_LOAD or load.device.type != "cpu":
-        return None
-    return AUTHORS_ENCODER_S if case.kind == "encoder" else AUTHORS_STEP_S.get(case.layers)
+    return min(here) if here else None
 
 
 def main() -> None:

@@ -126,7 +126,7 @@ def write_artefact(
     path = Path(path)
     schema_version, plain_config = KINDS[kind].schema_version, plain_data(config)
     references, inherited = _describe_inputs(path, inputs)
-    _make_folder(path)
+    made = _make_folder(path)
     with disk_faults_reported(path), write_lock(path):
         try:
             refuse_foreign(path, kind)
@@ -162,7 +162,7 @@ def write_artefact(
                 # After the swap the old data, before it the data that no manifest came to name.
                 _remove_leftovers(path, before)
         finally:
-            _remove_if_empty(path)
+            _remove_if_empty(path, made)
 
 
 def plain_data(value: Any) -> Any:
@@ -221,14 +221,18 @@ def _relative(where: Path, to: Path) -> str:
         return where.resolve().as_posix()
 
 
-def _make_folder(path: Path) -> None:
+def _make_folder(path: Path) -> list[Path]:
+    """Make the folder and those above it. Returns those above it that were not there, the lowest first."""
+    missing = [folder for folder in path.parents if not folder.exists()]
     try:
         if not path.is_dir():
             path.mkdir(parents=True, exist_ok=True)
             flush_to_disk(path.parent)
+        return missing
     except FileExistsError:
         raise UsageError(f"{path} is a file; an artefact is a folder.", "Give another name for the output.") from None
     except OSError as error:
+        _remove_if_empty(path, missing)
         raise cannot_be_written(path, error) from None
 
 
@@ -357,9 +361,13 @@ def _swap_manifest(path: Path, work: Path, fields: dict[str, Any]) -> None:
     flush_to_disk(path)
 
 
-def _remove_if_empty(path: Path) -> None:
-    """Remove the folder if a failed first write left it empty."""
+def _remove_if_empty(path: Path, made: Sequence[Path]) -> None:
+    """Remove the folder, and those above it that were made for it, if a failed first write left them empty."""
     with suppress(OSError):
-        if not any(entry.name != LOCK_NAME for entry in path.iterdir()):
+        if path.is_dir():
+            if any(entry.name != LOCK_NAME for entry in path.iterdir()):
+                return
             (path / LOCK_NAME).unlink(missing_ok=True)
             path.rmdir()
+        for folder in made:
+            folder.rmdir()

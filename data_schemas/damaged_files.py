@@ -8,12 +8,16 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from data_schemas.disk import WRITING_FAULTS
 from data_schemas.errors import InputError
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn the errors that libraries raise on a damaged file into one InputError that names the file."""
+    """Turn the errors that libraries raise on a damaged file into one InputError that names the file.
+
+    Faults of a disk that is written meanwhile pass through.
+    """
     try:
         yield
     except InputError:
@@ -32,6 +36,8 @@ def reading(path: Path) -> Iterator[None]:
         MemoryError,
         pa.ArrowException,
     ) as e:
+        if isinstance(e, OSError) and e.errno in WRITING_FAULTS:
+            raise
         reason = " ".join(str(e).split())[:200]
         raise InputError(
             f"{path} is damaged, or of another kind ({reason}).",

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from data_schemas.errors import PumpsError, UsageError
 
-# The disk or a quota is full, a limit on the size of files is reached, the disk is read-only or broken.
-_DISK_FAULTS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO})
+# Faults of writing alone: the disk or a quota is full, a file may not grow further, the disk is read-only.
+WRITING_FAULTS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+_DISK_FAULTS = WRITING_FAULTS | {errno.EIO}
 
 
 def flush_to_disk(path: Path) -> None:

@@ -19,6 +19,7 @@ class Flag(str, Enum):
     # Faults that were corrected.
     TRIMMED = "trimmed"
     FRAMES_LINE_OFF = "frames-line-off"
+    ROWS_JOINED = "rows-joined"
     FRAMES_MISSING = "frames-missing"
     UNEVEN_FRAMES = "uneven-frames"
     ONE_FRAME_CLIPS = "one-frame-clips"
@@ -88,6 +89,9 @@ _SENTENCES: dict[Flag, Callable[..., str]] = {
     Flag.FRAMES_LINE_OFF: lambda declared, found: (
         f"Frames says {declared} and there are {found} rows; the rows are used."
     ),
+    Flag.ROWS_JOINED: lambda lines, rows: (
+        f"Its {rows} rows stand on {lines} lines; they were put together by the number of channels."
+    ),
     Flag.FRAMES_MISSING: lambda frame, following: (
         f"Frame {frame:g} is followed by {following:g}; frames seem to be missing."
     ),
@@ -100,7 +104,7 @@ _SENTENCES: dict[Flag, Callable[..., str]] = {
         f"{'' if clear else ', which leaves them uncertain'}."
     ),
     Flag.UNIT_UNCERTAIN: _unit_uncertain,
-    Flag.NO_TRANSLATION: lambda: "It has no trans; the pelvis stays where it is.",
+    Flag.NO_TRANSLATION: lambda: "It has no trans or transl; the pelvis stays where it is.",
     Flag.BONES_STRETCH: lambda: "Some bones slide or stretch; their translations and lengths were left out.",
     Flag.PLACES_INTERPOLATED: lambda places: f"{places} missing places of joints were interpolated linearly in time.",
     Flag.COLUMNS_LEFT_OUT: lambda where, left_out, without: (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from data_schemas.disk import cannot_be_written, check_room, flush_to_disk, refuse_special
@@ -17,10 +18,11 @@ def write_whole(path: Path, data: bytes) -> None:
 
     Raises:
         UsageError: `path` is a link, a device, a pipe or a socket.
-        PumpsError: it cannot be written; the old file is unchanged.
+        PumpsError: it cannot be written; the old file is unchanged, and folders that were created are removed.
     """
     refuse_special(path)
     check_room(path, len(data))
+    missing = [folder for folder in path.parents if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, draft = tempfile.mkstemp(prefix=".pumps-", dir=path.parent)
@@ -36,6 +38,9 @@ def write_whole(path: Path, data: bytes) -> None:
             raise
         flush_to_disk(path.parent)
     except OSError as error:
+        with suppress(OSError):  # another program may have written into one of them
+            for folder in missing:
+                folder.rmdir()
         raise cannot_be_written(path, error) from None
 
 

@@ -14,25 +14,30 @@ from pumps.motion import Motion
 PathLike = str | os.PathLike[str]
 
 
-def load(path: PathLike, *, fps: float | None = None, skeleton: PathLike | None = None) -> Motion:
+def load(
+    path: PathLike, *, fps: float | None = None, skeleton: PathLike | None = None, up_axis: str | None = None
+) -> Motion:
     """Read the one motion of a file.
 
     Args:
         path: a file of any format that pumps reads (`pumps formats`), or ARCHIVE.zip!MEMBER.
         fps: true frames per second, where the file states none or a wrong one.
         skeleton: the file that holds the skeleton, for formats that keep it apart (ASF, a robot's URDF).
+        up_axis: "y" or "z", the up axis of the file's world, where it is not the one that the body's poses show.
 
     Raises: InputError where the file cannot be read, is not a humanoid's, or holds several motions; UsageError for an
-        `fps` that is not above 0.
+        `fps` that is not above 0, and for another `up_axis`.
     """
-    found = load_clips(path, fps=fps, skeleton=skeleton)
+    found = load_clips(path, fps=fps, skeleton=skeleton, up_axis=up_axis)
     if len(found) != 1:
         names = ", ".join(motion.name for motion in found[:5])
         raise InputError(f"{os.fspath(path)} holds {len(found)} motions ({names}).", "Use pumps.load_clips.")
     return found[0]
 
 
-def load_clips(path: PathLike, *, fps: float | None = None, skeleton: PathLike | None = None) -> list[Motion]:
+def load_clips(
+    path: PathLike, *, fps: float | None = None, skeleton: PathLike | None = None, up_axis: str | None = None
+) -> list[Motion]:
     """Read all motions of a file, such as the animations of a GLB. Arguments and errors as of `load`."""
     from stages.shared.formats.readers import recordings_in
     from stages.shared.formats.recording import Asked
@@ -41,9 +46,11 @@ def load_clips(path: PathLike, *, fps: float | None = None, skeleton: PathLike |
 
     if fps is not None and not 0 < fps < 1e6:
         raise UsageError(f"fps is {fps}.", "Give frames per second, above 0.")
+    if up_axis not in (None, "y", "z"):
+        raise UsageError(f"up_axis is {up_axis!r}.", 'Give "y" or "z", or None to find it from the poses.')
     source = source_named(os.fspath(path))
     rig, rig_name = rig_named(os.fspath(skeleton)) if skeleton is not None else (b"", "")
-    recordings = recordings_in(source, Asked(fps_override=fps, rig=rig, rig_name=rig_name))
+    recordings = recordings_in(source, Asked(fps_override=fps, rig=rig, rig_name=rig_name, up_axis=up_axis))
     stem = PurePosixPath(source.member.replace("\\", "/")).stem
     verbatim = source.read() if source.suffix == ".bvh" and fps is None else b""
     return [
@@ -52,6 +59,7 @@ def load_clips(path: PathLike, *, fps: float | None = None, skeleton: PathLike |
             each.motion,
             f"{stem}.{each.part}" if each.part else stem,
             tuple(sentences_of((*each.notes, *each.remarks))),
+            up_axis=up_axis,
             source=verbatim,
         )
         for each in recordings

@@ -69,6 +69,7 @@ def infill(
         "predict": predict,
         "frames": _text_of("frames", frames),
         "times": _text_of("times", times, whole=False),
+        "up_axis": motion.skeleton.up_axis if motion.up_axis else None,  # of the BVH that is filled
         "weights": os.fspath(weights or default_weights()),
         "foot_lock": foot_lock,
         "points": points,

@@ -19,6 +19,7 @@ class Motion:
     skeleton: the joints, their offsets and body groups, and what is needed to write the source's header again.
     record:   rotations and places as pumps stores them.
     name:     of the clip. notes: what was odd in the file, one sentence each. licence: of the source, where known.
+    up_axis:  of the source's world, "y" or "z", if `load` was told it.
     """
 
     skeleton: records.Skeleton
@@ -26,6 +27,7 @@ class Motion:
     name: str = "motion"
     notes: tuple[str, ...] = ()
     licence: str = ""
+    up_axis: str | None = None
     source: bytes = field(default=b"", repr=False)  # the BVH that this motion was read from or filled into, verbatim
 
     @property

@@ -121,7 +121,7 @@ def _argument(name: str, field: FieldInfo) -> Parameter:
 def _flag(path: tuple[str, ...], field: FieldInfo) -> Parameter:
     several, inner = _shape(field.annotation)
     *tables, name = path
-    flag = "--" + ".".join(path).replace("_", "-")
+    flag = "--" + ".".join(path).rstrip("_").replace("_", "-")  # `from_` is --from, a word that Python reserves
     panel = f"Settings of the {tables[0]}" if tables else None
     remarks = [*(["repeatable"] if several else []), *(["required"] if field.is_required() else [])]
     help_text = _help_text(field, remarks)

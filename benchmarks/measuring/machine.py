@@ -9,11 +9,20 @@ from pathlib import Path
 
 import torch
 
+from stages.shared.networks.layers.device import computes_bfloat16
+
 
 def finish(device: torch.device) -> None:
     """Wait until the device has done what it was given."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)
+
+
+def undisturbed_seconds_of(work: Callable[[], object], device: torch.device) -> float:
+    """Seconds of one call: on a CPU with one thread those of the processor, which other work on the machine changes
+    little; otherwise those of the clock."""
+    spent, wall = cpu_and_wall_s(work, device)
+    return spent if device.type == "cpu" and torch.get_num_threads() == 1 else wall
 
 
 def seconds_of(work: Callable[[], object], device: torch.device) -> float:
@@ -52,7 +61,7 @@ def limits(device: torch.device) -> dict[str, Callable[[], float]]:
 
     def product(dtype: torch.dtype) -> Callable[[], float]:
         one = torch.randn(side, side, device=device).to(dtype)
-        return lambda: 2e-9 * side**3 / seconds_of(lambda: one @ one, device)
+        return lambda: 2e-9 * side**3 / undisturbed_seconds_of(lambda: one @ one, device)
 
     def copy(values: torch.Tensor, times: int) -> Callable[[], float]:
         target = torch.zeros_like(values)
@@ -61,13 +70,14 @@ def limits(device: torch.device) -> dict[str, Callable[[], float]]:
             for _ in range(times):
                 target.copy_(values)
 
-        return lambda: 2e-9 * times * values.numel() * values.element_size() / seconds_of(repeat, device)
+        return lambda: 2e-9 * times * values.numel() * values.element_size() / undisturbed_seconds_of(repeat, device)
 
     found = {
         "matrix_float32_gflop_per_s": product(torch.float32),
-        "matrix_bfloat16_gflop_per_s": product(torch.bfloat16),
         "memory_gb_per_s": copy(large, 2),
     }
+    if computes_bfloat16(device):  # emulated, one product would take longer than all steps
+        found["matrix_bfloat16_gflop_per_s"] = product(torch.bfloat16)
     if device.type == "cpu":
         found["cache_gb_per_s"] = copy(small, 500)
     return found

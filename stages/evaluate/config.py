@@ -20,8 +20,8 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     weights: tuple[str, ...] = Field(
         (),
         json_schema_extra={NAMES_OF: "weights"},
-        description="Weights to measure: a name (`pumps weights list`), or NAME=FOLDER; each is a method in the "
-        "tables.",
+        description="Weights to measure: a name (`pumps weights list`), or NAME=FOLDER, which may also be a "
+        "checkpoint of `pumps train baseline` or `pumps train citl`; each is a method in the tables.",
     )
     tasks: tuple[str, ...] = Field(TASK_NAMES, description="Tasks to measure.")
     intervals: tuple[int, ...] = Field((5, 15, 30), description="Frames between keyframes, for interpolation.")
@@ -38,6 +38,10 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     max_windows: int = Field(
         0, description="Windows per archive and task, spread evenly over the clips; 0 for all.", ge=0
     )
+    category: tuple[str, ...] = Field(
+        (), description="NAME=PATTERN: tables by categories of clips whose source matches, instead of by archives."
+    )
+    plain: bool = Field(True, description="Also measure the plain interpolations.")
     breakdown: bool = Field(
         False, description="Also measure the solver on true clouds, and on clouds reconstructed with nothing missing."
     )

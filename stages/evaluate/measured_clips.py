@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample, resampled_frames
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import Poses
+from stages.shared.statistics.categories import category_of
 from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
 
 BATCH_WINDOWS = 64
@@ -40,11 +42,19 @@ class WindowBatch:
         return Poses.of(self.skeleton, list(self.motions))
 
 
+class StatisticsWindows(NamedTuple):
+    """Windows of 50 frames: joints' positions (N, 50, J, 3) metres, and the pelvis' rotations (N, 50, 4)."""
+
+    positions: np.ndarray
+    roots: np.ndarray
+
+
 class MeasuredClips:
     """The clips of the wanted splits, by archive. Clips at 30 fps are kept in memory while an archive is measured.
 
     If the test split is wanted, an archive without training clips is measured on all its clips. With `trained_on`,
-    the data of trainings, all clips of other archives are measured, in any split.
+    the data of trainings, all clips of other archives are measured, in any split. With `categories`, names and
+    patterns of sources, `archives` has these categories instead.
     """
 
     def __init__(
@@ -53,6 +63,7 @@ class MeasuredClips:
         splits: Sequence[str],
         where: str | None = None,
         trained_on: Sequence[TrainingData] | None = None,
+        categories: Mapping[str, str] | None = None,
     ):
         self._reader = reader
         self._cache: dict[str, Motion] = {}
@@ -74,8 +85,9 @@ class MeasuredClips:
                 f"It holds {found or 'no clips'}; name one of these with --splits.",
             )
         self.archives: dict[str, list[ClipRow]] = {}
-        for row in sorted(rows, key=lambda row: (archive_of(row), row.clip)):
-            self.archives.setdefault(archive_of(row), []).append(row)
+        named = [(name, row) for row in rows if (name := category_of(row, categories or {})) is not None]
+        for name, row in sorted(named, key=lambda pair: (pair[0], pair[1].clip)):
+            self.archives.setdefault(name, []).append(row)
 
     def windows(self, archive: str, task: Task, limit: int) -> list[Window]:
         """The windows to measure; the same for every method."""
@@ -102,8 +114,8 @@ class MeasuredClips:
         """Drop the clips in memory."""
         self._cache.clear()
 
-    def statistics_windows(self, skeleton_id: str) -> tuple[np.ndarray, bool]:
-        """(N, 50, J, 3) positions for the training statistics of a skeleton, and whether they are of training clips.
+    def statistics_windows(self, skeleton_id: str) -> tuple[StatisticsWindows, bool]:
+        """Windows for the training statistics of a skeleton, and whether they are of training clips.
 
         For a skeleton without a training clip, its measured clips are used.
         """
@@ -113,17 +125,20 @@ class MeasuredClips:
         picks = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), STATISTICS_CLIPS)).round().astype(int))
         skeleton = self._reader.skeleton(skeleton_id)
         cut: list[np.ndarray] = []
+        roots: list[np.ndarray] = []
         for pick in picks:
-            positions = positions_of(skeleton, self._at_model_rate(rows[pick].clip))
-            starts = range(0, len(positions) - STATISTICS_WINDOW + 1, STATISTICS_STRIDE)
+            motion = self._at_model_rate(rows[pick].clip)
+            positions = positions_of(skeleton, motion)
+            starts = range(0, len(positions) - STATISTICS_WINDOW, STATISTICS_STRIDE)
             cut += [positions[start : start + STATISTICS_WINDOW] for start in starts]
+            roots += [motion.rotations[start : start + STATISTICS_WINDOW, skeleton.root] for start in starts]
         if not cut:
             raise InputError(
                 f"{self._reader.artefact.path} has no clip of {STATISTICS_WINDOW} frames at 30 fps on the skeleton "
                 f"{skeleton_id}, from which the lafan1 protocol takes its statistics.",
                 "Use --protocol pumps, which needs none.",
             )
-        return np.stack(cut), bool(training)
+        return StatisticsWindows(np.stack(cut), np.stack(roots)), bool(training)
 
     def _cut(self, window: Window) -> Motion:
         if window.clip not in self._cache:

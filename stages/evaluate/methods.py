@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,15 +18,16 @@ from data_schemas.skeleton import Motion
 from data_schemas.trainings import TrainingData, last_data
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
+from stages.evaluate.pose_methods import LoadedInterpolator, holds_interpolator, loaded_interpolator
 from stages.shared.inference.cloud_interfaces import CloudSource
 from stages.shared.inference.cloud_sources import ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.networks.layers.device import choose_device
-from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses
+from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses, zero_velocity
 from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRUTH
 from stages.shared.statistics.method_notes import MeasuredWeights
-from stages.shared.statistics.tasks import PREDICTION
+from stages.shared.statistics.tasks import PREDICTION, TRANSITION
 from stages.shared.statistics.windows import Task, Window
 from stages.shared.weights.shipped import CONFIDENCE_NAME, named_source, parts_of, weights_folder
 
@@ -61,6 +62,11 @@ class LoadedWeights:
     source: str
     models: Models
 
+    @property
+    def windows(self) -> tuple[int, ...]:
+        """Frames of the windows that the networks fill at once."""
+        return tuple(self.models.windows)
+
     def artefacts(self) -> list[Path]:
         """The checkpoints of the weights."""
         folder = weights_folder(self.source)
@@ -74,7 +80,11 @@ class LoadedWeights:
         if (folder / CONFIDENCE_NAME).is_file():
             digests["confidence"] = sha256_of_file(folder / CONFIDENCE_NAME)
         return MeasuredWeights(
-            name=self.name, source=self.source, data=last_data(synthesiser.trainings), digests=digests
+            name=self.name,
+            source=self.source,
+            data=last_data(synthesiser.trainings),
+            digests=digests,
+            minutes=synthesiser.trainings[-1].minutes if synthesiser.trainings else None,
         )
 
     def trained_on(self) -> list[TrainingData]:
@@ -93,31 +103,45 @@ class LoadedWeights:
         return found
 
 
-def methods_for(task: Task, loaded: list[LoadedWeights], config: Config) -> list[Method]:
+Loaded = LoadedWeights | LoadedInterpolator
+
+
+def methods_for(task: Task, loaded: Sequence[Loaded], config: Config) -> list[Method]:
     """All methods of a task's table, the plain ones first."""
     plain = PREDICTION_BASELINES if task.name == PREDICTION else BASELINES
-    methods = [Method(name, _plain_fill(function)) for name, function in plain.items()]
+    if config.protocol == "lafan1" and task.name == TRANSITION:
+        plain = {**plain, "zero-velocity": zero_velocity}  # that benchmark's other row
+    methods = [Method(name, _plain_fill(function)) for name, function in plain.items() if config.plain]
     options = FillOptions(foot_lock=config.foot_lock)
-    methods += [Method(w.name, _cloud_fill(partial(_synthesised, w.models), config, options)) for w in loaded]
+    methods += [
+        Method(w.name, _interpolator_fill(w))
+        if isinstance(w, LoadedInterpolator)
+        else Method(w.name, _cloud_fill(partial(_synthesised, w.models), config, options))
+        for w in loaded
+    ]
     if config.breakdown:
         methods += [
             Method(w.name + RECONSTRUCTED, _cloud_fill(partial(ReconstructedClouds, w.models), config))
             for w in loaded
+            if isinstance(w, LoadedWeights)
         ]
         methods.append(Method(TRUE_CLOUD, _cloud_fill(TrueClouds, config)))
     return methods
 
 
-def load_all(config: Config) -> list[LoadedWeights]:
+def load_all(config: Config) -> list[Loaded]:
     """Load each of `config.weights`. Raises UsageError if two methods would have the same name."""
     taken = {*BASELINES, *PREDICTION_BASELINES, TRUE_CLOUD, TRUTH}
-    loaded = []
+    loaded: list[Loaded] = []
     for text in config.weights:
         name, source = named_source(text)
         if name in taken:
             raise UsageError(f"Two methods are called {name!r}.", f"Give another name: --weights NAME={source}.")
         taken |= {name, name + RECONSTRUCTED}
-        loaded.append(LoadedWeights(name, source, load_weights(source, config.device)))
+        if holds_interpolator(source):
+            loaded.append(loaded_interpolator(name, source, config.device))
+        else:
+            loaded.append(LoadedWeights(name, source, load_weights(source, config.device)))
     return loaded
 
 
@@ -142,6 +166,13 @@ def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
         for _ in batch.windows:
             advance()
         return Made(*filled)
+
+    return fill
+
+
+def _interpolator_fill(loaded: LoadedInterpolator):
+    def fill(batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Made:
+        return Made(*loaded.fill(batch, poses, advance))
 
     return fill
 

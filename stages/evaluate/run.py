@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
@@ -18,12 +19,13 @@ from data_schemas.motion import MotionReader
 from data_schemas.version import code_digest
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
-from stages.evaluate.methods import LoadedWeights, Made, load_all, methods_for
+from stages.evaluate.methods import Loaded, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import window_seams
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.categories import named
 from stages.shared.statistics.feel import TrueFeet, feel, true_feet
 from stages.shared.statistics.feel_tables import feel_lines
 from stages.shared.statistics.measurements import (
@@ -33,17 +35,18 @@ from stages.shared.statistics.measurements import (
     Truth,
     first_frame_of,
     hip_joints,
+    is_lafan1,
     measure,
     measure_lafan1,
     measured_joints,
     metric_named,
     position_deviation,
 )
-from stages.shared.statistics.method_notes import MethodFacts
+from stages.shared.statistics.method_notes import MeasuredWeights, MethodFacts
 from stages.shared.statistics.pop_tables import pop_lines
 from stages.shared.statistics.tables import cells, terminal_lines
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
-from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, Task, Window
+from stages.shared.statistics.windows import CONTEXT, LAFAN1_CONTEXT, LAFAN1_STRIDE, Task, Window
 
 
 @dataclass
@@ -62,6 +65,21 @@ class _Tally:
 
 
 @dataclass
+class Spent:
+    """Seconds and frames of each method's filling."""
+
+    of: dict[str, tuple[float, int]] = field(default_factory=dict)
+
+    def add(self, method: str, seconds: float, frames: int) -> None:
+        before = self.of.get(method, (0.0, 0))
+        self.of[method] = (before[0] + seconds, before[1] + frames)
+
+    def milliseconds(self) -> dict[str, float]:
+        """Milliseconds of filling a frame, known frames counted too."""
+        return {method: round(1000 * seconds / frames, 4) for method, (seconds, frames) in self.of.items()}
+
+
+@dataclass
 class _Statistics:
     """The lafan1 protocol's deviations, computed once for each skeleton."""
 
@@ -72,7 +90,13 @@ class _Statistics:
     def of(self, batch: WindowBatch, joints: np.ndarray, across: np.ndarray) -> np.ndarray:
         if batch.skeleton_id not in self.made:
             windows, of_training = self.clips.statistics_windows(batch.skeleton_id)
-            self.made[batch.skeleton_id] = position_deviation(windows, joints, across, batch.skeleton.root)
+            self.made[batch.skeleton_id] = position_deviation(
+                windows.positions,
+                joints,
+                across,
+                batch.skeleton.root,
+                windows.roots if is_lafan1(batch.skeleton) else None,
+            )
             if not of_training:
                 self.borrowed.append(batch.skeleton_id)
         return self.made[batch.skeleton_id]
@@ -90,26 +114,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with MotionReader(motion) as reader:
         loaded = load_all(config)
         trained_on = [data for weights in loaded for data in weights.trained_on()] if config.unseen else None
-        clips = MeasuredClips(reader, config.splits, config.where, trained_on)
+        clips = MeasuredClips(reader, config.splits, config.where, trained_on, named("category", config.category))
         plan = _plan(clips, config)
         statistics = _Statistics(clips)
         total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
         progress.start("Filling windows", total)
         rows: list[MetricRow] = []
+        spent = Spent()
         for archive, group in groupby(plan, key=lambda step: step[0]):
             for _, task, windows in group:
-                tally = _measure_task(clips, task, windows, loaded, statistics, config, progress)
+                tally = _measure_task(clips, task, windows, loaded, statistics, config, spent, progress)
                 rows += _rows(reader, archive, task, tally)
             clips.forget()
     found = cells(rows, config.seed)
     facts = MethodFacts(
-        weights=[each.facts() for each in loaded],
+        weights=[_facts(each, clips) for each in loaded],
         breakdown=config.breakdown,
         borrowed_statistics=statistics.borrowed,
     )
     inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
     with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
         draft.summary |= _counts(rows, plan) | facts.model_dump() | {"code": code_digest()}
+        draft.summary["milliseconds_per_frame"] = spent.milliseconds()
         write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, facts))
     where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
     lines = [*terminal_lines(found), *feel_lines(found), *pop_lines(rows), where]
@@ -118,10 +144,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 def tasks_of(config: Config) -> list[Task]:
     """The tasks that a config asks for, in its order."""
-    context = LAFAN1_CONTEXT if config.protocol == "lafan1" else (CONTEXT, CONTEXT)
+    lafan1 = config.protocol == "lafan1"
+    context = LAFAN1_CONTEXT if lafan1 else (CONTEXT, CONTEXT)
     lengths = {INTERPOLATION: config.intervals, TRANSITION: config.transitions, PREDICTION: config.predictions}
     return [
-        Task(name, interval, config.window, context)
+        Task(name, interval, config.window, context, LAFAN1_STRIDE if lafan1 and name == TRANSITION else 0)
         for name in dict.fromkeys(config.tasks)
         for interval in dict.fromkeys(lengths[name])
     ]
@@ -146,9 +173,10 @@ def _measure_task(
     clips: MeasuredClips,
     task: Task,
     windows: list[Window],
-    loaded: list[LoadedWeights],
+    loaded: Sequence[Loaded],
     statistics: _Statistics,
     config: Config,
+    spent: Spent,
     progress: Progress,
 ) -> _Tally:
     tally = _Tally()
@@ -158,13 +186,15 @@ def _measure_task(
         joints = measured_joints(batch.skeleton)
         truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)
         feet = true_feet(batch.skeleton, truth.positions) if config.protocol == "pumps" else None
-        seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.models.windows])
+        seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.windows])
         if config.protocol == "pumps":
             tally.add(batch.windows, TRUTH, feel(truth.positions, truth.rotations, truth, joints, feet, seams=seams))
         measured = _MeasuredBatch(truth, batch, joints, feet, seams)
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
+            began = time.perf_counter()
             filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
+            spent.add(method.name, time.perf_counter() - began, len(batch.windows) * len(batch.known))
             tally.add(batch.windows, method.name, _measurements(filled, measured, statistics, config))
     return tally
 
@@ -186,7 +216,20 @@ def _measurements(made: Made, by: _MeasuredBatch, statistics: _Statistics, confi
         return measure(positions, rotations, by.truth, by.joints) | felt
     across = hip_joints(by.batch.skeleton)
     deviation = statistics.of(by.batch, by.joints, across)
-    return measure_lafan1(positions, rotations, by.truth, by.joints, across, deviation)
+    roots = is_lafan1(by.batch.skeleton)
+    return measure_lafan1(positions, rotations, by.truth, by.joints, across, deviation, by_root=roots)
+
+
+def _facts(loaded: Loaded, clips: MeasuredClips) -> MeasuredWeights:
+    """The facts of weights, and whether they were trained on clips of the measured archives."""
+    facts = loaded.facts()
+    try:
+        trained_on = loaded.trained_on()
+    except InputError:
+        return facts
+    rows = [row for members in clips.archives.values() for row in members]
+    native = any(data.has_seen(row) for data in trained_on for row in rows)
+    return facts.model_copy(update={"native": native})
 
 
 def _rows(reader: MotionReader, archive: str, task: Task, tally: _Tally) -> list[MetricRow]:

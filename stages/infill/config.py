@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -43,6 +44,9 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     )
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one."
+    )
+    up_axis: Literal["y", "z"] | None = Field(
+        None, description="Up axis of the file's world, if it is not the one that the body's poses show."
     )
     skeleton: str | None = Field(
         None, description="For a robot's joint angles: its URDF, if the folder of the input has none."

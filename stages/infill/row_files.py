@@ -70,24 +70,29 @@ def row_file(source: Source, config: Config, data: bytes | None = None) -> RowFi
     sparse = config.times is not None or config.frames is not None
     chosen = recognise(data, name)
     if source.suffix == ".csv" or (chosen is not None and chosen.name == "robot"):
+        if config.up_axis is not None:
+            raise UsageError(
+                f"--up-axis is for a BVH, and {name} holds a robot's angles, which are Z up.", "Leave it out."
+            )
         return _RobotRows(data, source, config, keep=not sparse)
     if config.skeleton is not None or config.respect_limits:
         option = "--skeleton" if config.skeleton is not None else "--respect-limits"
         raise UsageError(f"{option} is for a robot's joint angles, and {name} holds its skeleton.", "Leave it out.")
-    return _BvhRows(read_bvh(data, name, keep_unreadable_rows=not sparse), config.fps_override)
+    return _BvhRows(read_bvh(data, name, keep_unreadable_rows=not sparse), config)
 
 
 class _BvhRows:
     suffix = ".bvh"
 
-    def __init__(self, bvh: BvhFile, fps_override: float | None) -> None:
-        self.bvh, self._override = bvh, fps_override
+    def __init__(self, bvh: BvhFile, config: Config) -> None:
+        self.bvh, self._override, self._up_axis = bvh, config.fps_override, config.up_axis
         self.frames = bvh.frames
-        self.fps = fps_override or rate_of(bvh.frame_time)
+        self.fps = self._override or rate_of(bvh.frame_time)
         self._skeleton: Skeleton | None = None
 
     def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:
-        skeleton, motion, _ = motion_of(read_bvh(data, self.bvh.name), fps_override=self._override)
+        bvh = read_bvh(data, self.bvh.name)
+        skeleton, motion, _ = motion_of(bvh, fps_override=self._override, up_axis=self._up_axis)
         return skeleton, motion
 
     def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
@@ -99,7 +104,9 @@ class _BvhRows:
                 "Mend the row or leave it out of the keyframes.",
             )
         choose_map(maps, [joint.name for joint in self.bvh.joints], must_fit=bool(maps))
-        self._skeleton, motion, notes = motion_of(key_file, fps_override=self._override, skeleton_maps=maps)
+        self._skeleton, motion, notes = motion_of(
+            key_file, fps_override=self._override, skeleton_maps=maps, up_axis=self._up_axis
+        )
         return self._skeleton, motion, notes
 
     def written(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import PurePosixPath
@@ -21,6 +21,7 @@ from stages.ingest.known_facts import known_rate, known_rig, rate_notes
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
 from stages.ingest.splits import Assigned, assign_splits
+from stages.ingest.usual_units import Units, usual_units
 from stages.shared.contract import StageReport
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.readers import suffixes_of
@@ -45,15 +46,18 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     asked = _asked(config)
     sources = find_sources(config.sources, suffixes_of(config.format), keep_bad=not config.strict)
     assigned = assign_splits(sources, config.splits)
-    sources = config.share_of(sources)  # splits are drawn for all sources, so that they are the same in every part
-    if not sources:
-        raise UsageError(f"--shard {config.shard} has no recording: there are fewer recordings than shards.")
     rates = {source.name: _override_of(source, overrides) for source in sources}
     known = {source.name: known_rate(source) for source in sources if rates[source.name] is None}
     jobs = [
         Job(source, config.format, _asked_of(source, asked, rates[source.name] or known.get(source.name)))
         for source in sources
     ]
+    units = usual_units(jobs, config.workers)
+    # Splits and units are found for all sources, so that they are the same in every part.
+    jobs = [_with_units(job, units) for job in config.share_of(jobs)]
+    sources = [job.source for job in jobs]
+    if not sources:
+        raise UsageError(f"--shard {config.shard} has no recording: there are fewer recordings than shards.")
     clips = _ClipNames()
     rows: list[ClipRow] = []
     table: list[SourceRow] = []
@@ -101,6 +105,10 @@ def _asked_of(source: Source, asked: Asked, fps: float | None) -> Asked:
         return replace(asked, fps_override=fps)
     rig, rig_name = known_rig(source)
     return replace(asked, fps_override=fps, rig=rig, rig_name=rig_name)
+
+
+def _with_units(job: Job, units: Mapping[str, Units]) -> Job:
+    return replace(job, asked=replace(job.asked, usual_units=units.get(job.source.data_set, ())))
 
 
 def _store(

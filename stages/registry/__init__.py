@@ -12,10 +12,10 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + tools.STAGES
 
 # What `pumps --help` shows: panel -> words after `pumps`, in the order of reading.
 PANELS = {
-    "Animate": ("infill", "retarget", "inspect", "export", "report", "formats", "doctor"),
+    "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
     "Data": ("data", "ingest", "artefact"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
-    "Research": ("evaluate", "measure", "decode", "results", "stages"),
+    "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
 }
 
 GROUP_SUMMARIES = {

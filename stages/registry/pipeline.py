@@ -85,6 +85,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("train", "finetune"),
+        "Fine-tune the synthesiser for a task on one rig: denoise, repair.",
+        ("BVH", "tpc", "checkpoint"), "checkpoint",
+        "pumps train finetune --task denoise --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/denoiser",
+        pipeline=False,
+    ),
+    Stage(
         ("data", "pick"),
         "Copy a few test clips from the sources as BVH files, to be filled.",
         ("motion",), "BVH", "pumps data pick --motion runs/mine/ingest -o runs/mine/data-pick",

@@ -6,9 +6,21 @@ from stages.registry.stage import Stage
 
 STAGES: tuple[Stage, ...] = (
     Stage(
+        ("denoise",),
+        "Clean a noisy motion on its own skeleton: mend noisy and missing frames, keep the others.",
+        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet", "pumps denoise noisy.bvh -o clean.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         ("retarget",),
         "Put a motion on another rig, with any joint names and proportions.",
         ("BVH", "checkpoint"), "BVH", "pumps retarget walk.bvh --to rig.bvh -o walk_on_rig.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("estimate",),
+        "Turn 2D keypoints of a video into motion on a rig.",
+        ("JSON", "CSV", "npz", "checkpoint"), "BVH", "pumps estimate keypoints.json --skeleton rig.bvh -o moved.bvh",
         arguments=("input",), pipeline=False,
     ),
     Stage(
@@ -23,6 +35,13 @@ STAGES: tuple[Stage, ...] = (
         "Train an interpolator of one skeleton's poses, on motions of that skeleton (PC-MRL).",
         ("tpc",), "checkpoint",
         "pumps train citl --preset pcmrl --tpc runs/mine/adapted-tpc -o runs/mine/train-citl",
+        pipeline=False,
+    ),
+    Stage(
+        ("train", "baseline"),
+        "Train another method of filling on one skeleton's motions (PUMPS Table 1).",
+        ("tpc",), "checkpoint",
+        "pumps train baseline --preset table1 --method delta --tpc runs/mine/sample-tpc -o runs/mine/delta",
         pipeline=False,
     ),
     Stage(
@@ -54,10 +73,31 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "table1"),
+        "Join evaluations of several methods into PUMPS Table 1.",
+        ("metrics",), "metrics",
+        "pumps measure table1 runs/mine/slerp runs/mine/delta --ours pumps -o runs/mine/table1",
+        arguments=("metrics",), pipeline=False,
+    ),
+    Stage(
         ("measure", "motions"),
         "Compare motions with the true motions of the same clips and joints.",
         ("motion",), "metrics",
         "pumps measure motions --truth runs/mine/ingest --made network=runs/mine/decode -o runs/mine/measure-motions",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "estimate"),
+        "Measure networks from 2D keypoints to motion on held-out clips of their rig: PUMPS Table 3.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure estimate --tpc runs/mine/sample-tpc --weights mine=runs/mine/lifter -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "denoise"),
+        "Measure filters and networks that clean noisy motion, on held-out clips of one rig: PUMPS Table 4.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure denoise --tpc runs/mine/sample-tpc --weights mine=runs/mine/cleaner -o runs/mine/measured",
         pipeline=False,
     ),
     Stage(
@@ -95,6 +135,12 @@ STAGES: tuple[Stage, ...] = (
         ("export",),
         "Write motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("project",),
+        "Project a motion into a camera, as 2D keypoints of a pose detector.",
+        ("any format",), "JSON", "pumps project walk.bvh -o walk_keypoints.json",
         arguments=("input",), pipeline=False,
     ),
     Stage(

@@ -54,7 +54,7 @@ def _chart(name: str, series: Mapping[str, list[Point]]) -> Markup:
     x_last = max(x for x, _ in everything) or 1
     low, high = min(y for _, y in everything), max(y for _, y in everything)
     logarithmic = low > 0 and high / low > LOG_SPAN
-    ticks = _log_ticks(low, high) if logarithmic else _even_ticks(low, high)
+    ticks = _log_ticks(low, high) if logarithmic else even_ticks(low, high)
     low, high = min(low, ticks[0]), max(high, ticks[-1])
 
     def place(x: float, y: float) -> tuple[float, float]:
@@ -68,7 +68,7 @@ def _chart(name: str, series: Mapping[str, list[Point]]) -> Markup:
             markup('<line class="grid" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/>', LEFT, WIDTH - RIGHT, y, y),
             markup('<text x="{}" y="{:.1f}" text-anchor="end">{:.4g}</text>', LEFT - 6, y + 4, tick),
         ]
-    for tick in _even_ticks(0, x_last, 4):
+    for tick in even_ticks(0, x_last, 4):
         if tick <= x_last:
             x = place(tick, low)[0]
             parts.append(markup('<text x="{:.1f}" y="{}" text-anchor="middle">{:,.0f}</text>', x, HEIGHT - 10, tick))
@@ -89,7 +89,8 @@ def _chart(name: str, series: Mapping[str, list[Point]]) -> Markup:
     )  # fmt: skip
 
 
-def _even_ticks(low: float, high: float, count: int = 4) -> list[float]:
+def even_ticks(low: float, high: float, count: int = 4) -> list[float]:
+    """About `count` round numbers with even steps, from `low` or less to `high` or more."""
     span = (high - low) or abs(high) or 1.0
     raw = span / count
     size = 10 ** math.floor(math.log10(raw))

@@ -9,6 +9,7 @@ from typing import Any
 from data_schemas.damaged_files import reading
 from data_schemas.manifest import MANIFEST_NAME, Artefact
 from data_schemas.metrics import MetricRow, read_metrics
+from stages.report.gap_curves import gap_charts_html
 from stages.shared.markup import Markup, joined, markup
 from stages.shared.statistics import feel_tables, pop_tables, tables
 from stages.shared.statistics.measurements import TRUTH
@@ -34,6 +35,7 @@ def results_html(artefact: Artefact) -> Markup:
         markup("<ul>{}</ul>", notes) if notes else "",
         _paragraph(borrowed_note(facts)),
         *_overviews(found),
+        gap_charts_html(found),
         *_scopes(found, rows),
         markup("<details><summary>Settings</summary>{}</details>", _settings(manifest.config)),
     ]

@@ -13,7 +13,7 @@ import pytest
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.clips import index_table, read_clips
-from data_schemas.declared_sizes import read_table
+from data_schemas.declared_sizes import check_stored_array, read_table
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader, MotionWriter
 from data_schemas.skeleton import Motion
@@ -64,6 +64,23 @@ def test_frames_that_are_stored_are_read_however_well_they_compress(tmp_path):
         writer.add_clip(a_row(skeleton=writer.add_skeleton(a_skeleton(8)), frames=frames), still)
     with MotionReader(tmp_path / "m") as reader:
         assert reader.motion("walk").frames == frames
+
+
+@pytest.mark.parametrize("declared_mb, refused", [(30, False), (60, True)])
+def test_gzip_of_equal_bytes_is_bounded(tmp_path, declared_mb, refused):
+    """What packed clouds of a body at rest need is read; a thousand times what is stored is not."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        made = file.create_dataset(
+            "still", (declared_mb << 18,), np.float32, chunks=(1 << 16,), compression="gzip", compression_opts=9
+        )
+        for start in range(0, len(made), 1 << 16):
+            made[start : start + (1 << 16)] = 0.0
+        assert made.id.get_storage_size() * 500 < declared_mb << 20
+        if refused:
+            with pytest.raises(ValueError, match="declares 63 MB"):
+                check_stored_array(made)
+        else:
+            check_stored_array(made)
 
 
 def _rows(count: int, **columns: list) -> pa.Table:

@@ -10,6 +10,7 @@ FIGURES = {
     Flag.FPS_OVERRIDE: {"fps": 60.0},
     Flag.TRIMMED: {"frames": 2, "calibration": True},
     Flag.FRAMES_LINE_OFF: {"declared": 41, "found": 40},
+    Flag.ROWS_JOINED: {"lines": 90, "rows": 30},
     Flag.FRAMES_MISSING: {"frame": 2.0, "following": 4.0},
     Flag.UNEVEN_FRAMES: {"fps": 30.0},
     Flag.ONE_FRAME_CLIPS: {"clips": 3},

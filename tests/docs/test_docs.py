@@ -40,7 +40,7 @@ def test_every_make_target_and_variable_exists(line: str):
     phony = re.search(r"^\.PHONY: (.*)$", text, re.M)
     assert phony
     targets = phony[1].split()
-    variables = {each for each in re.findall(r"[A-Z_]+", text) if f"$({each}" in text or f"{each} ?=" in text}
+    variables = {each for each in re.findall(r"[A-Z][A-Z0-9_]*", text) if f"$({each}" in text or f"{each} ?=" in text}
     for word in shlex.split(line)[1:]:
         name, given, _ = word.partition("=")
         assert name in (variables if given else targets) or name.startswith("-j"), word

@@ -16,7 +16,7 @@ from stages.train.ae.config import Config as AutoencoderConfig
 from stages.train.ae.run import run as train_autoencoder
 from stages.train.lms.config import Config as SynthesiserConfig
 from stages.train.lms.run import run as train_synthesiser
-from tests.evaluate.test_evaluate_stage import skeleton, swaying
+from tests.evaluate.swaying import skeleton, swaying
 from tests.shared.training.tiny_runs import TINY
 
 TRAINED = "data/walks, slow.zip!a/walk.bvh"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from pathlib import Path
 
 import pytest
@@ -19,6 +18,7 @@ from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.gltf_write import glb_of_motion
 from tests.shared.formats.bvh_texts import BvhText
+from tests.shared.formats.glb_bytes import glb_with, parts_of_glb
 
 NAMES = ("/../../out", "../out", "..\\out", "a/b", "a:b", "a_b", "A_B", "con", ".hidden", "x" * 300, "ok")
 
@@ -26,15 +26,10 @@ NAMES = ("/../../out", "../out", "..\\out", "a/b", "a:b", "a_b", "A_B", "con", "
 def glb_of_clips(names: tuple[str, ...]) -> bytes:
     """A GLB whose one animation is there under each of the names."""
     skeleton, motion, _ = motion_of(read_bvh(BvhText(frames=8).data(), "walk.bvh"))
-    data = glb_of_motion(skeleton, motion, "walk")
-    length = struct.unpack("<I", data[12:16])[0]
-    document = json.loads(data[20 : 20 + length])
+    text, rest = parts_of_glb(glb_of_motion(skeleton, motion, "walk"))
+    document = json.loads(text)
     document["animations"] = [{**document["animations"][0], "name": name} for name in names]
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + length :]
-    head = b"glTF" + struct.pack("<III", 2, 20 + len(text) + len(rest), len(text)) + b"JSON"
-    return head + text + rest
+    return glb_with(json.dumps(document).encode(), rest)
 
 
 @pytest.mark.parametrize("suffix", ["bvh", "glb", "csv", "parquet", "amass"])

@@ -22,6 +22,8 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.motion import MotionReader
 from stages.shared.formats import archives
+from stages.shared.formats.keypoint_files import detections_in
+from stages.shared.formats.keypoints import person_of
 from stages.shared.formats.readers import format_named, recognise
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.skeleton_map import read_skeleton_map
@@ -30,10 +32,13 @@ from tests.data_schemas.examples import write_motion
 from tests.shared.formats.amass_files import npz
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
-from tests.shared.formats.hostile import OWN_WORDS, TARGETS, WORDS, a_glb, a_scene, an_archive, check_recordings
+from tests.shared.formats.glb_bytes import glb_with
+from tests.shared.formats.hostile import OWN_WORDS, TARGETS, WORDS, a_scene, an_archive, check_recordings
+from tests.shared.formats.keypoint_files_made import SIZE as KEYPOINTS_SIZE
+from tests.shared.formats.keypoint_files_made import every_file
+from tests.shared.formats.position_files import NAMES, PLACES, csv_of_places, npy_of
 from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
-from tests.shared.formats.test_landmarks import _trc
-from tests.shared.formats.test_positions import NAMES, PLACES, _csv, _npy
+from tests.shared.formats.trc_files import trc_of
 
 _NAME = "fuzz.bin"
 _RIG = BvhText(frames=1).data()
@@ -202,16 +207,22 @@ def _scenes() -> Iterator[bytes]:
 
 def _gltf_json(data: bytes) -> None:
     _, rest = a_scene()
-    head = data + b" " * (-len(data) % 4)
-    whole = a_glb({}, rest)
-    length = int.from_bytes(whole[12:16], "little")
-    body = whole[20 + length :]
-    sizes = (0x46546C67, 2, 20 + len(head) + len(body), len(head), 0x4E4F534A)
-    _read("gltf", b"".join(each.to_bytes(4, "little") for each in sizes) + head + body, b"")
+    _read("gltf", glb_with(data, rest), b"")
 
 
 def _sidecar() -> list[bytes]:
     return [json.dumps({"names": list(NAMES), "parents": _PARENTS, "fps": 30}).encode()]
+
+
+def _keypoints(data: bytes) -> None:
+    """Read as 2D keypoints, and as places in 3D where they are none."""
+    try:
+        found = person_of(detections_in(data, _NAME), _NAME, size=KEYPOINTS_SIZE)
+    except InputError as error:
+        assert _NAME in error.message and "\n" not in error.message and len(error.message) < 1000, error.message
+        return
+    assert (np.isfinite(found.places).all(axis=-1) == (found.confidences > 0)).all()
+    assert len(found.names) == found.places.shape[1]
 
 
 def _words(kind: str) -> tuple[bytes, ...]:
@@ -235,12 +246,16 @@ FUZZ_TARGETS: dict[str, FuzzTarget] = {
     "robot": FuzzTarget(_reader("robot", RobotText().urdf()), lambda: [csv_of(some_rows(3))], _words("robot")),
     "urdf": FuzzTarget(_rig_of("robot", csv_of(some_rows(3))), lambda: [RobotText().urdf()], _words("urdf")),
     "positions-csv": FuzzTarget(
-        _reader("positions", _RIG), lambda: [_csv(list(NAMES), PLACES[:3], fps=30)], _words("positions"),
+        _reader("positions", _RIG), lambda: [csv_of_places(list(NAMES), PLACES[:3], fps=30)], _words("positions"),
     ),
-    "positions-trc": FuzzTarget(_reader("positions", _RIG), lambda: [_trc(list(NAMES), PLACES[:3])], _TRC),
-    "positions-json": FuzzTarget(_rig_of("positions", _csv(list(NAMES), PLACES[:3])), _sidecar, _JSON),
+    "positions-trc": FuzzTarget(_reader("positions", _RIG), lambda: [trc_of(list(NAMES), PLACES[:3])], _TRC),
+    "positions-json": FuzzTarget(_rig_of("positions", csv_of_places(list(NAMES), PLACES[:3])), _sidecar, _JSON),
     "positions-arrays": FuzzTarget(_arrays("positions", _positions), _edits),
-    "npy": FuzzTarget(_reader("positions", _RIG), lambda: [_npy(PLACES[:3])], _NPY),
+    "npy": FuzzTarget(_reader("positions", _RIG), lambda: [npy_of(PLACES[:3])], _NPY),
+    "keypoints": FuzzTarget(
+        _keypoints, lambda: [data for data, _ in every_file().values()],
+        (b'"keypoints"', b'"instances"', b'"image_id"', b"likelihood", b"bodyparts", *WORDS),
+    ),
     "glb": FuzzTarget(_reader("gltf"), _made("gltf"), tuple(WORDS)),
     "gltf-json": FuzzTarget(_gltf_json, lambda: list(_scenes()), _GLTF),
     "map": FuzzTarget(_map, _maps, _TOML, ("stages.shared.formats", "stages.shared.toml")),

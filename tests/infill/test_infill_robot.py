@@ -12,7 +12,7 @@ from stages.infill.config import Config
 from stages.infill.run import run
 from stages.shared.formats.robot_rig import robot_rig
 from stages.shared.formats.robot_table import ROOT_COLUMNS, RobotTable, read_table
-from tests.shared.formats.robot_files import ANGLES, RobotText, csv_of, some_rows
+from tests.shared.formats.robot_files import ANGLES, JOINTS, RobotText, csv_of, some_rows
 from tests.shared.inference.examples import write_random_weights
 
 RIG = robot_rig(RobotText().urdf(), "t.urdf")
@@ -130,3 +130,19 @@ def test_what_cannot_be_is_said(source, weights):
     for option in ({"skeleton": "robot.urdf"}, {"respect_limits": True}):
         with pytest.raises(UsageError, match="joint angles"):
             fill(bvh, weights, **option)
+
+
+def test_names_of_columns_are_no_formulas_and_are_read_back(source, weights):
+    """A spreadsheet runs a name that begins with =, +, -, @; all else of the line stays as it was."""
+    text = RobotText(joints=tuple((f"{'=-@+'[at % 4]}{each[0]}", *each[1:]) for at, each in enumerate(JOINTS)))
+    (source.parent / "robot.urdf").write_bytes(text.urdf())
+    names = [f'"{name}"' if at % 2 else f" {name} " for at, name in enumerate((*ROOT_COLUMNS, *text.angle_names))]
+    source.write_bytes(csv_of(some_rows(40), ",".join(names)))
+    made = fill(source, weights)
+    head, before = made.split(b"\n")[0].decode(), source.read_bytes().split(b"\n")[0].decode()
+    cells = [cell.strip().strip('"') for cell in head.split(",")]
+    assert not any(cell.startswith(("=", "+", "-", "@")) for cell in cells) and "'" in head
+    assert head.replace("'", "") == before.replace("'", "")
+    rig = robot_rig(text.urdf(), "t.urdf")
+    one, two = read_table(made, "out.csv", rig), read_table(source.read_bytes(), "in.csv", rig)
+    assert np.array_equal(one.columns, two.columns) and np.array_equal(one.values[0], two.values[0])

@@ -11,7 +11,6 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -23,21 +22,9 @@ from data_schemas.manifest import open_artefact
 from data_schemas.metrics import read_metrics
 from stages.shared.formats.bvh import read_bvh
 from tests.docs.pages import ROOT, commands
+from tests.pipeline.tiny_pipeline import CLIPS, PUMPS, SETTINGS, TRAINING
 
-CLIPS = ROOT / "stages" / "shared" / "clips"
-PUMPS = (sys.executable, "-m", "pumps_cli")
 ARTEFACTS = ("ingest", "sample-tpc", "train-ae", "encode", "train-lms", "decode", "evaluate")
-_TRAINING = {
-    "steps": 6, "batch": 2, "window": 16, "points": 32, "warmup": 2, "validate_every": 3, "checkpoint_every": 1,
-}  # fmt: skip
-SETTINGS = {
-    **{f"{stage}.{name}": value for stage in ("train-ae", "train-lms") for name, value in _TRAINING.items()},
-    "train-ae.encoder.width": 8, "train-ae.encoder.heads": 2, "train-ae.decoder.width": 32,
-    "train-ae.decoder.heads": 2, "train-ae.decoder.layers": 1, "train-lms.synthesiser.width": 32,
-    "train-lms.synthesiser.heads": 2, "train-lms.longest_gap": 12, "data-pick.count": 1, "evaluate.max_windows": 1,
-    "evaluate.intervals": [15], "evaluate.transitions": [15], "evaluate.predictions": [15], "evaluate.points": 32,
-    "sample-tpc.points": 64, "infill.points": 64, "decode.points": 32,
-}  # fmt: skip
 
 
 class Pipeline:
@@ -120,7 +107,7 @@ def test_every_artefact_is_whole(pipeline: Pipeline):
 def test_training_logged_every_step_once_across_the_kill(pipeline: Pipeline):
     log = read_checkpoint(open_artefact(pipeline.run / "train-ae", "checkpoint")).log
     steps = [row["step"] for row in log if row["split"] == "val"]
-    assert steps == sorted(set(steps)) and steps[-1] == _TRAINING["steps"]
+    assert steps == sorted(set(steps)) and steps[-1] == TRAINING["steps"]
 
 
 def test_what_it_prints_at_the_end(pipeline: Pipeline):

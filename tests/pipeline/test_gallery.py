@@ -17,7 +17,7 @@ from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.kinematics.forward import positions_of
 from tests.pipeline.benchmark_scripts import benchmark_script
-from tests.report.test_report_stage import parsed
+from tests.report.pages import parsed
 from tests.shared.inference.examples import write_random_weights
 
 ROOT = Path(__file__).resolve().parents[2]

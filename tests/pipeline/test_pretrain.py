@@ -16,7 +16,7 @@ from data_schemas.artefact import verify
 from data_schemas.tpc import TpcReader
 from stages.shared.weights.facts import facts_of
 from tests.docs.pages import ROOT
-from tests.pipeline.test_end_to_end import CLIPS, PUMPS, SETTINGS
+from tests.pipeline.tiny_pipeline import CLIPS, PUMPS, SETTINGS
 
 STEPS = {
     "train-ae.steps": 30, "train-lms.steps": 12, "train-ae.validate_every": 15, "train-lms.validate_every": 6,

@@ -11,10 +11,12 @@ import pytest
 
 from stages.measure.ae.methods import PAPER
 from stages.shared.settings.recipes import read_recipe, recipe_names
-from tests.pipeline.test_makefile import ROOT, Run
+from tests.pipeline.made_runs import ROOT, Run
 
 RECIPE_OF = {
-    "table2": "table2", "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
+    "table1": "table1", "table2": "table2", "table3": "table3",
+    "table4": "table4",
+    "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small",
@@ -56,6 +58,22 @@ def test_every_row_is_trained_once_and_all_are_measured_together(table: Table):
     assert table.make() == []
     assert set(table.make("train-ae.steps=9")) == {"train-ae", "measure-ae"}
     assert table.make("train-ae.steps=9", "rows/chamfer.steps=8") == ["train-ae", "measure-ae"]
+
+
+def test_table_1_trains_and_measures_every_method_by_itself(tmp_path: Path):
+    table = Table(tmp_path, "table1")
+    names = list(read_recipe("table1", data_folder="data").nodes)
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    for archive in read_recipe("table1").data.archives:
+        with ZipFile(shared / f"{archive}.zip", "w") as zipped:
+            zipped.writestr("a.bvh", "HIERARCHY")
+    flags = (f"SHARED_DATA={shared}", "DATA=", "GOAL=g1")
+    ran = table.make(flags=flags)
+    assert len(ran) == sum(name.startswith("g1/") for name in names) and ran[-1] == "measure-table1"
+    assert ran.count("train-baseline") == 6 and ran.count("evaluate") == 10
+    again = table.make("g1/trained/delta.seed=3", flags=flags)
+    assert again == ["train-baseline", "evaluate", "measure-table1"]
 
 
 def test_a_table_that_was_cut_off_goes_on_where_it_was(table: Table):
@@ -122,7 +140,10 @@ def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_pa
         assert table.make(flags=flags)[0] == "ingest", "the clips that come with pumps are there"
         return
     assert table.make(flags=flags, code=2) == []
-    assert "cmu-dance.zip" in table.said and "cgspeed" in table.said and "nowhere" in table.said
+    g1 = ("lafan1-g1.zip", "forward kinematics")
+    origins = {"table1": g1, "table3": g1, "table4": ("bandai-namco-1.zip", "data fetch bandai-namco-1")}
+    named, origin = origins.get(target, ("cmu-dance.zip", "cgspeed"))
+    assert named in table.said and origin in table.said.lower() and "nowhere" in table.said
 
 
 def test_archives_of_weights_that_ship_are_free_or_at_least_may_be_trained_on():

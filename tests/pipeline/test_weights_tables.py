@@ -14,7 +14,8 @@ from data_schemas.artefact import write_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from stages.shared.settings.recipes import read_recipe
 from tests.pipeline.benchmark_scripts import benchmark_script
-from tests.shared.statistics.test_tables import ROW
+
+ROW = MetricRow("c", "s", "set-1", "slerp", "interpolation", 15, "l2p_m", 0.5)
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "results.md"

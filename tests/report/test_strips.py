@@ -14,7 +14,7 @@ from data_schemas.errors import UsageError
 from stages.report.config import Config
 from stages.report.run import run
 from stages.report.strips import KEY_COLOUR, POSES, TRUTH_COLOUR, shown_gap, strips_svg
-from tests.report.test_report_stage import bvh_text, parsed
+from tests.report.pages import bvh_text, parsed
 
 
 def packed(name: str, points: np.ndarray) -> dict:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
-from data_schemas.manifest import open_artefact
+from data_schemas.manifest import open_artefact, sha256_of_file
 from data_schemas.motion import MotionReader
 from data_schemas.notes import Flag
 from stages.data.pick.config import Config
 from stages.shared.contract import StageReport
-from stages.shared.file_names import FileNames
+from stages.shared.file_names import FileNames, is_file_name
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
 from stages.shared.formats.readers import recognise
 from stages.shared.formats.sources import source_named
@@ -21,6 +22,7 @@ from stages.shared.outputs import check_folder, check_replaceable, paths_in, wri
 from stages.shared.progress import SILENT, Progress
 
 LIST_NAME = "clips.txt"
+DIGESTS_NAME = ".clips.sha256"  # of the files as they were written, one a line as `sha256sum` has them
 # What would need the options of ingest again.
 _UNHANDY = {Flag.FPS_OVERRIDE, Flag.TRIMMED, Flag.FRAMES_LINE_OFF}
 _SHORTEST_S = 2.0  # below it there is hardly a gap to fill
@@ -29,7 +31,8 @@ _SHORTEST_S = 2.0  # below it there is hardly a gap to fill
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Write OUTPUT/<clip>.bvh for each clip picked, then OUTPUT/clips.txt, which lists them.
 
-    Clips that an earlier list names and this one does not are removed.
+    Clips of an earlier pick that are not picked now are removed if they are still as they were written: their digests
+    lie in OUTPUT/.clips.sha256. Other files stay, and the report names those that the earlier list has.
 
     Raises:
         UsageError: the folder holds files that may not be replaced, or a source that a clip is copied from.
@@ -44,32 +47,64 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 f"{config.motion} has no clip in the split {' or '.join(config.splits)}.",
                 "Name some in the file given to `pumps ingest --splits`.",
             )
-        config.output.mkdir(parents=True, exist_ok=True)
         names = FileNames()
         paths = dict.fromkeys(path for row in reader.clips for path in paths_in(row.source))
         sources = [("a source", path) for path in paths if os.path.exists(path)]
         files = [f"{names.of(row.clip)}.bvh" for row in picked]
-        stale = sorted(_listed(config.output) - {*files})
+        listed = _lines(config.output / LIST_NAME)
+        written = _written(config.output)
+        stale = sorted({*written} - {*files})
         for file in (*files, *stale):
             check_replaceable(config.output / file, True, sources)
         progress.start("Copying clips", len(picked))
+        digests = {}
         for row, file in zip(picked, files, strict=True):
-            write_output(config.output / file, _as_bvh(row, reader))
+            data = _as_bvh(row, reader)
+            write_output(config.output / file, data)
+            digests[file] = hashlib.sha256(data).hexdigest()
             progress.advance(1, row.clip)
-    for file in stale:
+    removed = [file for file in stale if _is_as_written(config.output / file, written[file])]
+    # Until the removal is done the digests of these files stay, so that an interrupted one is finished next time.
+    _write_digests(config.output, {file: written[file] for file in removed} | digests)
+    for file in removed:
         (config.output / file).unlink(missing_ok=True)
     write_output(config.output / LIST_NAME, "".join(f"{file}\n" for file in files).encode())
+    _write_digests(config.output, digests)
     clips = [row.clip for row in picked]
-    return StageReport(output=config.output, lines=[f"picked {', '.join(clips)}"], figures={"clips": clips})
+    lines = [f"picked {', '.join(clips)}"]
+    if left := sorted(file for file in {*listed, *stale} - {*files, *removed} if _is_there(config.output, file)):
+        lines.append(f"Files of the earlier {LIST_NAME} that are not as pumps wrote them stay: {', '.join(left)}.")
+    return StageReport(output=config.output, lines=lines, figures={"clips": clips, "removed": removed})
 
 
-def _listed(folder: Path) -> set[str]:
-    """The BVH files of `folder` that its list names."""
+def _written(folder: Path) -> dict[str, str]:
+    """The BVH files that an earlier pick wrote into `folder`, with their digests."""
+    pairs = (line.partition("  ") for line in _lines(folder / DIGESTS_NAME))
+    return {name: digest for digest, _, name in pairs if name.endswith(".bvh") and is_file_name(name)}
+
+
+def _write_digests(folder: Path, digests: Mapping[str, str]) -> None:
+    text = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
+    write_output(folder / DIGESTS_NAME, text.encode())
+
+
+def _is_as_written(path: Path, digest: str) -> bool:
+    """Whether a plain file has this SHA-256."""
     try:
-        lines = (folder / LIST_NAME).read_text(encoding="utf-8").splitlines()
+        return not path.is_symlink() and path.is_file() and sha256_of_file(path) == digest
+    except OSError:
+        return False
+
+
+def _is_there(folder: Path, name: str) -> bool:
+    return is_file_name(name) and (folder / name).exists()
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
-        return set()
-    return {name for name in lines if name.endswith(".bvh") and Path(name).name == name}
+        return []
 
 
 def _as_bvh(row: ClipRow, reader: MotionReader) -> bytes:

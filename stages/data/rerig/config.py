@@ -19,3 +19,6 @@ class Config(WritingConfig, SeededConfig):
     where: str | None = Field(
         None, description="Which of these clips to use: an expression over the clip index, such as 'not t_pose'."
     )
+    longest: int = Field(
+        1800, description="Most frames of a clip, from a random start in a longer one; 0 for whole clips.", ge=0
+    )

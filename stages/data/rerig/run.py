@@ -18,7 +18,7 @@ from stages.shared.progress import SILENT, Progress
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Write every clip of the splits once, on a rig drawn for it, as CLIP@RIG; a minute of longer ones.
+    """Write every clip of the splits once, on a rig drawn for it, as CLIP@RIG; of longer ones a part.
 
     Sources and splits stay, so that results are listed by the recordings they came from.
     Raises: InputError where there is no such clip, or none could be put on a rig; UsageError for a bad expression.
@@ -43,7 +43,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("Putting clips on other rigs", len(rows))
         carried = 0
         for row in rows:
-            for moved, motion in on_another_rig(reader, row, reader.motion(row.clip), rigs, config.seed):
+            whole = reader.motion(row.clip)
+            longest = config.longest or whole.frames
+            for moved, motion in on_another_rig(reader, row, whole, rigs, config.seed, longest=longest):
                 own = replace(
                     moved, frames=motion.frames, seconds=motion.frames / motion.fps, flags="", quality=MotionQuality()
                 )

@@ -32,7 +32,11 @@ class OriginalWindow:
     rigged: Rigged
     bones: MovingBones
     drawn: DrawnPoints
-    sigma_m: float
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the drawn points' offsets, metres."""
+        return float(self.drawn.sigma_m)
 
     @property
     def points(self) -> int:
@@ -75,7 +79,7 @@ def original_window(
     """The window with its first draw of points."""
     bones = bones_of_motion(row, start, rigged.skeleton, rigged.motion)
     drawn = draw_on_window(bones, points, np.random.default_rng(bones.seed(seed)), sigma_m)
-    return OriginalWindow(row, start, rigged, bones, drawn, sigma_m)
+    return OriginalWindow(row, start, rigged, bones, drawn)
 
 
 def unchanged(original: OriginalWindow) -> Encoded:

@@ -15,11 +15,11 @@ from data_schemas.errors import InputError
 from data_schemas.metrics import MetricRow
 from data_schemas.tpc import BoneSet, TpcReader
 from stages.measure.pcmrl.config import Config
-from stages.measure.pcmrl.named import category_of, named
 from stages.shared.inference.pose_filling import Interpolator
 from stages.shared.kinematics.rotations import conjugate, rotate
 from stages.shared.progress import Progress
 from stages.shared.statistics.baselines import Filled, Poses, damped, lerp, slerp
+from stages.shared.statistics.categories import category_of, named
 from stages.shared.statistics.measurements import POWER_WEIGHTED, Measurements, Truth, measure
 from stages.shared.statistics.tasks import INTERPOLATION
 from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows

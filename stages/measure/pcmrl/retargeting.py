@@ -15,11 +15,11 @@ from data_schemas.metrics import MetricRow
 from data_schemas.skeleton import BODY_GROUPS
 from data_schemas.tpc import BoneSet, TpcReader
 from stages.measure.pcmrl.config import Config
-from stages.measure.pcmrl.named import category_of, named
-from stages.shared.pointcloud.drawn_points import DrawnPoints
+from stages.shared.pointcloud.drawn_points import drawn_on_bones
 from stages.shared.pointcloud.knn_loss import nearest_trajectories
 from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.progress import Progress
+from stages.shared.statistics.categories import category_of, named
 from stages.shared.statistics.tasks import RETARGETING
 from stages.shared.statistics.windows import Window, chosen_windows
 
@@ -110,10 +110,8 @@ def _clouds(moving: Moving, config: Config, seed: Sequence[int]) -> tuple[list[T
     """The same draw of points scattered by every sigma, (T, P, 3) each, and the points' groups (P,)."""
     bones, heads, rotations = moving
     draw = draw_points(bones.weights, config.points, np.random.default_rng(seed))
-    rides, alphas, offsets = (torch.from_numpy(part) for part in draw)
-    groups = torch.from_numpy(bones.groups.astype(np.int64))[rides.long()]
-    drawn = DrawnPoints(rides, alphas, offsets, groups, torch.from_numpy(bones.tails), 0.0)
-    return [replace(drawn, sigma_m=sigma).place(heads, rotations) for sigma in config.sigmas_m], groups
+    drawn = drawn_on_bones(map(torch.from_numpy, draw), bones.groups, bones.tails, 0.0)
+    return [replace(drawn, sigma_m=sigma).place(heads, rotations) for sigma in config.sigmas_m], drawn.groups
 
 
 def end_distance(one: Moving, other: Moving) -> float:

@@ -10,13 +10,13 @@ from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.tpc import TpcReader
 from stages.measure.pcmrl.config import Config
 from stages.measure.pcmrl.interpolation import PLAIN, interpolation_rows
-from stages.measure.pcmrl.named import named
 from stages.measure.pcmrl.retargeting import ORIGINAL, retargeting_rows
 from stages.measure.pcmrl.summary import summary_md
 from stages.shared.contract import StageReport
 from stages.shared.inference.pose_filling import load_interpolator
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.categories import named
 from stages.shared.statistics.tables import cells, terminal_lines
 
 

@@ -61,7 +61,6 @@ def _write(
     config: Config,
     inputs: Sequence[Artefact],
 ) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
     with (
         write_artefact(path, "motion", stage="measure-solve", config=config, inputs=inputs) as draft,
         MotionWriter(draft.folder) as writer,

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import shutil
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pooch
 import requests
 
+from data_schemas.disk import cannot_be_written, check_room
 from data_schemas.errors import PumpsError, UsageError
 from stages.shared.catalogue.catalogue import DataFile
 from stages.shared.progress import Progress
@@ -41,11 +43,12 @@ def fetch_file(
         sends something else, or the disk is full. The downloaded part is kept, and the next call continues it (after
         a wrong checksum it starts from the beginning).
     """
-    folder.mkdir(parents=True, exist_ok=True)
     target = folder / file.name
-    _check_room(file, folder)
+    check_room(target, file.bytes)
+    new_folder = not folder.exists()
     resuming: Any = _Resuming(file, target, progress, pause_s, overwrite)  # pooch passes these arguments by position
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         pooch.get_logger().setLevel("ERROR")
         pooch.retrieve(file.url, file.checksum or None, fname=file.name, path=folder, downloader=resuming)
     except ValueError as error:  # pooch's exception for a wrong checksum
@@ -54,17 +57,12 @@ def fetch_file(
             "Run the command again to download it again; if it fails again, the publisher has changed the file.",
         ) from error
     except OSError as error:
-        raise PumpsError(f"{target} cannot be written: {error.strerror or error}.") from error
+        resuming.forget_nothing()
+        if new_folder:
+            with suppress(OSError):  # it holds the downloaded part
+                folder.rmdir()
+        raise cannot_be_written(target, error) from error
     return target
-
-
-def _check_room(file: DataFile, folder: Path) -> None:
-    free = shutil.disk_usage(folder).free
-    if file.bytes > free:
-        raise PumpsError(
-            f"{file.name} needs {file.bytes / 1e6:.0f} MB, but {folder} has {free / 1e6:.0f} MB left.",
-            "Free some space, or choose another folder with -o.",
-        )
 
 
 class _Resuming:
@@ -115,6 +113,12 @@ class _Resuming:
     def _forget(self) -> None:
         self.part.unlink(missing_ok=True)
         self.mark.unlink(missing_ok=True)
+
+    def forget_nothing(self) -> None:
+        """Remove the files of a download of which no byte is there."""
+        if not self._size():
+            with suppress(OSError):
+                self._forget()
 
     def _go_on(self, url: str) -> None:
         """Request the missing bytes and append them. Raises requests' exceptions if the connection breaks."""

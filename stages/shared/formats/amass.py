@@ -41,13 +41,14 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
     if own is None and layout is None:
         widths = ", ".join(f"{width} ({kind})" for width, kind in sorted(_LAYOUT_OF.items()))
         raise InputError(f"{name}: its poses are {vectors.shape[1]} numbers wide; pumps reads widths of {widths}.")
-    trans = next((found for key in PLACE_NAMES if (found := _numbers(arrays, key, name)) is not None), None)
+    place_name = next((key for key in PLACE_NAMES if key in arrays), PLACE_NAMES[0])
+    trans = _numbers(arrays, place_name, name)
     if trans is None:
         notes.append(note(Flag.NO_TRANSLATION))
         trans = np.zeros((frames, 3))
     trans = places_of(trans)
     if trans.shape != (frames, 3):
-        raise InputError(f"{name}: trans has the shape {trans.shape}, expected {(frames, 3)}.")
+        raise InputError(f"{name}: {place_name} has the shape {trans.shape}, expected {(frames, 3)}.")
     if own is not None:
         rig, pelvis, remarks = own, (0.0, 0.0, 0.0), []
     else:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.bvh_header import BvhJoint, HeaderFault, parse_header
-from stages.shared.formats.number_rows import plain_rows
+from stages.shared.formats.number_rows import TextRows, lines_of, plain_rows
 from stages.shared.formats.table_columns import decimal_commas_hint
 
 __all__ = ["BvhFile", "BvhJoint", "read_bvh"]
@@ -46,7 +47,7 @@ class BvhFile:
     frame_time: float
     declared_frames: int
     values: np.ndarray
-    rows: list[bytes] = field(repr=False)
+    rows: Sequence[bytes] = field(repr=False)
     newline: str = "\n"
     encoding: str = "utf-8"
     warnings: list[Note] = field(default_factory=list)
@@ -71,25 +72,28 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
             where the rows between keys may hold anything).
     Raises: InputError naming file, line and joint.
     """
-    header_bytes, rest = _split_header(data, name)
+    header_bytes = _header_of(data, name)
     header, encoding = _decode(header_bytes, name)
     try:
         joints = parse_header(header)
     except HeaderFault as fault:
         raise InputError(f"{name}, line {fault.line}: {fault.message}.", fault.hint) from None
     first_line = _line_count(header_bytes) + 1
-    declared, frame_time, cut = _counts(rest, name, first_line)
+    counts = data[len(header_bytes) : len(header_bytes) + _LONGEST_COUNTS]
+    declared, frame_time, cut = _counts(counts, name, first_line)
+    motion_head = counts[:cut]
     columns = sum(len(joint.channels) for joint in joints)
-    body = rest[cut:]
-    newline = _newline_of(body) or _newline_of(rest) or "\n"
-    row_line = first_line + _line_count(rest[:cut])
-    place = _Place(name, joints, row_line)
-    rows, values = _parse_rows(body, newline.encode(), columns, place, keep_unreadable_rows, declared)
-    notes = _check_frames(name, declared, len(rows), rows)
+    begin = len(header_bytes) + cut
+    newline = _newline_of(data, begin) or _newline_of(motion_head) or "\n"
+    place = _Place(name, joints, first_line + _line_count(motion_head))
+    rows, values, lines = _parse_rows(data, begin, newline.encode(), columns, place, keep_unreadable_rows, declared)
+    notes = _check_frames(name, declared, len(rows))
+    if lines != len(rows):
+        notes.append(note(Flag.ROWS_JOINED, lines=lines, rows=len(rows)))
     return BvhFile(
         name=name,
         header=header,
-        motion_head=rest[:cut].decode(encoding),
+        motion_head=motion_head.decode(encoding),
         joints=joints,
         frame_time=frame_time,
         declared_frames=declared,
@@ -101,22 +105,23 @@ def read_bvh(data: bytes, name: str, *, keep_unreadable_rows: bool = False) -> B
     )
 
 
-def _newline_of(text: bytes) -> str | None:
-    """The line ending of a text's first line. Header and rows may differ if two programs wrote the file."""
-    at = text.find(b"\n")
+def _newline_of(text: bytes, start: int = 0) -> str | None:
+    """The ending of a text's first line after `start`. Header and rows may differ if two programs wrote the file."""
+    at = text.find(b"\n", start)
     if at < 0:
-        return "\r" if b"\r" in text else None
-    return "\r\n" if text[at - 1 : at] == b"\r" else "\n"
+        return "\r" if text.find(b"\r", start) >= 0 else None
+    return "\r\n" if at > start and text[at - 1 : at] == b"\r" else "\n"
 
 
 def _line_count(data: bytes) -> int:
     return data.count(b"\n") or data.count(b"\r")
 
 
-def _split_header(data: bytes, name: str) -> tuple[bytes, bytes]:
+def _header_of(data: bytes, name: str) -> bytes:
+    """The bytes before the MOTION line. Raises InputError if there are none."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in data[:4096]:
         raise InputError(f"{name} is not plain text.", "Save it as UTF-8 or ASCII.")
-    if not data.strip():
+    if not data or data.isspace():
         raise InputError(f"{name} is empty.")
     match = _MOTION.search(data, 0, MAX_HEADER_BYTES)
     if match is None:
@@ -124,7 +129,7 @@ def _split_header(data: bytes, name: str) -> tuple[bytes, bytes]:
             raise InputError(f"{name}, line 1: expected HIERARCHY.", "Is this a BVH file?")
         raise InputError(f"{name} has no MOTION line.", "Is the file truncated?")
     start = match.start() + (data[match.start() : match.start() + 1] in (b"\r", b"\n"))
-    return data[:start], data[start:]
+    return data[:start]
 
 
 def _decode(header: bytes, name: str) -> tuple[str, str]:
@@ -135,9 +140,9 @@ def _decode(header: bytes, name: str) -> tuple[str, str]:
         return header.decode("latin-1"), "latin-1"
 
 
-def _counts(rest: bytes, name: str, line: int) -> tuple[int, float, int]:
-    """Declared frames, frame time, and the offset of the first row."""
-    lines = rest[:_LONGEST_COUNTS].splitlines(keepends=True)
+def _counts(text: bytes, name: str, line: int) -> tuple[int, float, int]:
+    """Declared frames, frame time, and the offset of the first row, of a text that begins with the MOTION line."""
+    lines = text.splitlines(keepends=True)
     written = [at for at, each in enumerate(lines) if each.strip()][:3]  # MOTION, Frames and Frame Time
     frames_text = _value_after((b"Frames",), lines[written[1]]) if len(written) == 3 else None
     time_text = _value_after((b"Frame", b"Time"), lines[written[2]]) if len(written) == 3 else None
@@ -186,16 +191,17 @@ class _Place:
 
 
 def _parse_rows(
-    body: bytes, newline: bytes, columns: int, place: _Place, keep_unreadable: bool, declared: int
-) -> tuple[list[bytes], np.ndarray]:
-    lines = body.split(b"\n" if newline != b"\r" else b"\r")
-    if newline == b"\r\n":
-        lines = [line[:-1] if line.endswith(b"\r") else line for line in lines]
-    held = [(place.first_line + at, line) for at, line in enumerate(lines) if line and not line.isspace()]
-    rows = [line for _, line in held]
-    starts = [at for at, _ in held]
-    plain = plain_rows(rows, columns)
-    values, bad = (plain, []) if plain is not None else _fill_values(rows, columns)
+    data: bytes, begin: int, newline: bytes, columns: int, place: _Place, keep_unreadable: bool, declared: int
+) -> tuple[Sequence[bytes], np.ndarray, int]:
+    """Rows and their numbers (T, C) of the text that begins at `begin`, and the number of its lines that are not
+    blank: a row may be broken into lines, or a line may hold several rows."""
+    plain = plain_rows(data, begin, newline, columns)
+    if plain is not None and (keep_unreadable or np.isfinite(plain).all()):
+        return TextRows(data, begin, newline, len(plain)), plain, len(plain)
+    lines = list(lines_of(data, begin, newline))
+    rows = [line for _, line in lines]
+    starts = [place.first_line + number for number, _ in lines]
+    values, bad = _fill_values(rows, columns)
     if bad and not keep_unreadable:
         unwrapped = _unwrap_rows(rows, starts, columns, declared)
         if unwrapped is None:
@@ -211,7 +217,7 @@ def _parse_rows(
             f"{place.name}, line {starts[row]}: {place.joint_of(column)} in frame {row} is {values[row, column]},"
             " not a finite number."
         )
-    return rows, values
+    return rows, values, len(lines)
 
 
 def _fill_values(rows: list[bytes], columns: int) -> tuple[np.ndarray, list[int]]:
@@ -285,7 +291,7 @@ def _is_number(word: bytes) -> bool:
     return b"_" not in word
 
 
-def _check_frames(name: str, declared: int, found: int, rows: list[bytes]) -> list[Note]:
+def _check_frames(name: str, declared: int, found: int) -> list[Note]:
     """Refuse a file without frames, or with a wrong frame count; a count that is wrong by one is only reported."""
     if found == 0:
         raise InputError(f"{name} holds no frames.")

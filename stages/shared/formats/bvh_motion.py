@@ -6,6 +6,7 @@ a translation track if its position varies; otherwise it keeps its offset.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +16,7 @@ from data_schemas.notes import Note, sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_header import POSITION_CHANNELS, BvhJoint
-from stages.shared.formats.bvh_rows import layout_of, local_quaternions, values_of
+from stages.shared.formats.bvh_rows import RowRotations, layout_of, values_of
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.skeleton_map import SkeletonMap
 from stages.shared.formats.source_body import SourceBody, SourcePoses, SourceRig, ancestors, body_of, motion_of_poses
@@ -42,6 +43,7 @@ def motion_of(
     rest_frame: int | None = None,
     trim_first: str | int = 0,
     skeleton_maps: tuple[SkeletonMap, ...] = (),
+    up_axis: str | None = None,
 ) -> tuple[Skeleton, Motion, list[str]]:
     """The skeleton and motion of a BVH, Y up, metres.
 
@@ -50,12 +52,14 @@ def motion_of(
         rest_frame: a frame in which the body stands upright, from which up axis and sides are found.
         trim_first: frames to drop at the start, or "auto": one if frame 0 is a calibration pose far from frame 1.
         skeleton_maps: the user's skeleton maps; the one that matches the joints is used.
+        up_axis: the file's, "y" or "z", if it is not the one that the body shows.
     Returns: skeleton, motion (global float32 rotations), notes on the file's oddities, one sentence each.
     Raises: InputError naming the file if no humanoid is found or an argument is out of range.
     """
     skeleton, motion, notes = noted_motion_of(
-        bvh, fps_override=fps_override, rest_frame=rest_frame, trim_first=trim_first, skeleton_maps=skeleton_maps
-    )
+        bvh, fps_override=fps_override, rest_frame=rest_frame, trim_first=trim_first, skeleton_maps=skeleton_maps,
+        up_axis=up_axis,
+    )  # fmt: skip
     return skeleton, motion, sentences_of(notes)
 
 
@@ -68,10 +72,7 @@ def noted_motion_of(
     skeleton_maps: tuple[SkeletonMap, ...] = (),
     up_axis: str | None = None,
 ) -> tuple[Skeleton, Motion, list[Note]]:
-    """As `motion_of`, with notes as codes and figures instead of sentences.
-
-    up_axis: the file's, "y" or "z", if it is not the one that the body shows.
-    """
+    """As `motion_of`, with notes as codes and figures instead of sentences."""
     try:
         body = _body_of(bvh.joints, bvh.values, skeleton_maps)
         poses = _poses(bvh.joints, body, bvh.values, fps_override or rate_of(bvh.frame_time))
@@ -90,7 +91,8 @@ def rig_and_poses(bvh: BvhFile) -> tuple[SourceRig, SourcePoses]:
     """
     body = _body_of(bvh.joints, bvh.values)
     offsets = tuple((x, y, z) for x, y, z in body.offsets.tolist())
-    return _rig(bvh.joints, offsets), _poses(bvh.joints, body, bvh.values, rate_of(bvh.frame_time))
+    poses = _poses(bvh.joints, body, bvh.values, rate_of(bvh.frame_time))
+    return _rig(bvh.joints, offsets), replace(poses, local=poses.local[:])
 
 
 def rate_of(frame_time: float) -> float:
@@ -159,4 +161,4 @@ def _poses(joints: tuple[BvhJoint, ...], body: SourceBody, values: np.ndarray, f
         tracks[:, i] = joints[joint].offset
         axes, columns = layout.positions_of(joint)
         tracks[:, i, axes] = values[:, columns]
-    return SourcePoses(local_quaternions(joints, values), root, fps, moving, tracks)
+    return SourcePoses(RowRotations(joints, values), root, fps, moving, tracks)

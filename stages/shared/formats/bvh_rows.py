@@ -58,20 +58,51 @@ def layout_of(joints: tuple[BvhJoint, ...]) -> Layout:
     )
 
 
-def local_quaternions(joints: tuple[BvhJoint, ...], values: np.ndarray) -> np.ndarray:
-    """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C).
+class RowRotations:
+    """Rotations in the parents' frames of rows (T, C), computed for the rows that are asked for.
 
-    The memory layout is (4, J, T), time fastest, since all operations on them run along time.
+    `rotations[frames]`, with a slice or an index array, is (N, J, 4) float64. Its memory layout is (4, J, N), time
+    last, since all operations on rotations run along time.
     """
-    channels = np.ascontiguousarray(values.T)
-    parts = np.empty((4, len(joints), len(values)))
+
+    def __init__(self, joints: tuple[BvhJoint, ...], values: np.ndarray):
+        self._values, self._alike = values, _alike(joints, values)
+        self.shape = (len(values), len(joints), 4)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __getitem__(self, frames: slice | np.ndarray) -> np.ndarray:
+        channels = np.ascontiguousarray(self._values[frames].T)
+        parts = np.empty((4, self.shape[1], channels.shape[1]))
+        for order, indices, columns, turning in self._alike:
+            parts[:, indices] = euler.quaternion_parts(channels[columns.T], order, turning)
+        return parts.transpose(2, 1, 0)
+
+
+def local_quaternions(joints: tuple[BvhJoint, ...], values: np.ndarray) -> np.ndarray:
+    """(T, J, 4) float64 rotations in the parents' frames, of rows (T, C), in the layout of `RowRotations`."""
+    return RowRotations(joints, values)[:]
+
+
+def _alike(
+    joints: tuple[BvhJoint, ...], values: np.ndarray
+) -> list[tuple[str, np.ndarray, np.ndarray, tuple[bool, ...]]]:
+    """Joints whose rotations are computed together: channel order, joints (n,), columns (n, c), channels that turn.
+
+    In long clips joints are told apart by the channels that ever turn: many channels of robots never do.
+    """
+    ever = np.asarray(values.any(axis=0))
+    found = []
     for order, indices, columns in layout_of(joints).rotations:
-        # Short clips: all joints of an order at once, few calls. Long ones: joint by joint, which stays in the cache
-        # and leaves out channels that never turn.
-        together = [slice(None)] if len(values) < _LONG_FRAMES else range(len(indices))
-        for some in together:
-            parts[:, indices[some]] = euler.quaternion_parts(np.moveaxis(channels[columns[some]], -2, 0), order)
-    return parts.transpose(2, 1, 0)
+        turning = ever[columns]
+        if len(values) < _LONG_FRAMES:
+            turning[:] = turning.any(axis=0)
+        groups: dict[tuple[bool, ...], list[int]] = {}
+        for joint, flags in enumerate(turning.tolist()):
+            groups.setdefault(tuple(flags), []).append(joint)
+        found += [(order, indices[some], columns[some], flags) for flags, some in groups.items()]
+    return found
 
 
 def values_of(bvh: BvhFile, skeleton: Skeleton, motion: Motion, near: np.ndarray | None = None) -> np.ndarray:

@@ -6,6 +6,8 @@ degrees.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -18,12 +20,16 @@ def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
     return np.moveaxis(quaternion_parts(np.moveaxis(angles, -1, 0), axes), 0, -1)
 
 
-def quaternion_parts(angles: np.ndarray, axes: str) -> np.ndarray:
-    """Components (4, ...) of the quaternions of channel angles (n, ...), so that each step runs on whole arrays."""
+def quaternion_parts(angles: np.ndarray, axes: str, turning: Sequence[bool] | None = None) -> np.ndarray:
+    """Components (4, ...) of the quaternions of channel angles (n, ...), so that each step runs on whole arrays.
+
+    turning: n flags, False for a channel whose angles are all zero, which is left out; None to look.
+    """
     parts = np.zeros((4, *angles.shape[1:]))
     parts[3] = 1.0
-    for angle, axis in zip(angles, axes, strict=True):
-        if not angle.any():  # many channels of robots never turn
+    flags = [angle.any() for angle in angles] if turning is None else turning
+    for angle, axis, turns in zip(angles, axes, flags, strict=True):
+        if not turns:
             continue
         half = angle * (np.pi / 360)
         sin, cos = np.sin(half), np.cos(half)

@@ -6,7 +6,7 @@ or a list of `stages.shared.formats.joint_lists`. The rig or list gives the bone
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag, Note, note
 from stages.shared.formats.arrays import array_names, read_array, read_arrays
+from stages.shared.formats.bvh_header_write import plain_names
 from stages.shared.formats.measured_positions import MeasuredPositions, sensible_rate
 from stages.shared.formats.pointing import pointed_rotations
 from stages.shared.formats.positions_csv import read_csv
@@ -58,6 +59,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
         end_sites=tuple(map(tuple, ends.tolist())),
         placed=tuple(joint == 0 for joint in range(count)),
         unit_m=measured.unit_m,
+        usual_unit_m=dict(asked.usual_units).get(rig_key(frame.names[:count])),
         maps=asked.skeleton_maps,
     )
     try:
@@ -72,6 +74,11 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
     recording = recording_of(name, rig, SourcePoses(local, places[:, 0].copy(), fps), asked, notes=notes)
     holes = ~np.isfinite(measured.places[:, frame.column[seen]]).all(axis=(1, 2))
     return [replace(recording, repaired_frames=int(holes.sum()))]
+
+
+def rig_key(names: Sequence[str]) -> tuple[str, ...]:
+    """A rig by its joints' names, in whatever order a file has them."""
+    return tuple(sorted(plain_names(names)))
 
 
 # --- the file's content -------------------------------------------------------------------------

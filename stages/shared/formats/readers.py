@@ -109,7 +109,8 @@ FORMATS: tuple[Format, ...] = (
         "amass", (".npz",), "stages.shared.formats.amass:read_amass", _looks_amass,
         "SMPL, SMPL-H and SMPL-X poses, AMASS' old and new layouts (`poses`, or `root_orient`, `pose_body`, ...;"
         " either spelling of the rate) and the smplx package's names (`global_orient`, `body_pose`, `transl`, ...);"
-        " with `--body-models DIR` the subject's own joints from `betas` and `gender`",
+        " rotation vectors or rotation matrices; with `--body-models DIR` the subject's own joints from `betas` and"
+        " `gender`",
         "Z up, unless the body stands along Y: that is reported. The smplx package's parameters state no rate: 30 is"
         " assumed. Without a body model the joints are those of a neutral body of about 1.7 m and only"
         " approximate. `dmpls` are left out. Pickles are not read: body models must be `.npz`.",

@@ -29,6 +29,8 @@ class Asked:
     body_models: folder of SMPL-like body models.
     skeleton_maps: the user's skeleton maps; for each rig the one that matches its joints is used.
     up_axis: the source's up axis, "y" or "z", if it is not the one that its format states or its body shows.
+    usual_units: for files of positions that state no unit: rigs (`positions.rig_key`) of the same data set, each with
+        the metres in its usual unit.
     """
 
     fps_override: float | None = None
@@ -39,6 +41,7 @@ class Asked:
     body_models: Path | None = None
     skeleton_maps: tuple[SkeletonMap, ...] = ()
     up_axis: str | None = None
+    usual_units: tuple[tuple[tuple[str, ...], float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,7 @@ def depth_first(rig: SourceRig, poses: SourcePoses) -> tuple[SourceRig, SourcePo
     by_place = np.argsort(moving).astype(int)
     return rig, replace(
         poses,
-        local=poses.local[:, order],
+        local=poses.local[:][:, order],
         moving=[moving[i] for i in by_place],
         tracks=poses.tracks[:, by_place] if len(moving) else poses.tracks,
     )

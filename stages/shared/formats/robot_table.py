@@ -15,6 +15,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from stages.shared.formats.robot_rig import RobotRig
 from stages.shared.formats.table_columns import decimal_commas_hint
+from stages.shared.formats.text_cells import safe_line, text_of_cell
 
 ROOT_COLUMNS = ("root_x", "root_y", "root_z", "root_qx", "root_qy", "root_qz", "root_qw")
 _MOST_COLUMNS = 20_000
@@ -84,7 +85,7 @@ def read_table(data: bytes, name: str, rig: RobotRig, *, keep_unreadable_rows: b
         raise InputError(f"{name} has {lines[start].count(b',') + 1} columns; pumps reads at most {_MOST_COLUMNS}.")
     wanted = len(ROOT_COLUMNS) + len(rig.angle_names)
     separator = _separator(lines[start:after] if keep_unreadable_rows else lines[start : start + 1], wanted)
-    cells = _cells(lines[start], separator)
+    cells = [text_of_cell(cell) for cell in _cells(lines[start], separator)]
     begins = start
     if _are_names(cells, rig):
         columns = _columns_by_name(cells, f"{name}, line {start + 1}", rig)
@@ -153,7 +154,13 @@ def table_with_rows(table: RobotTable, values: np.ndarray, kept: Mapping[int, in
         lines[frame] = (line.replace(b".", b",") if commas else line) + (b"\r" if like.endswith(b"\r") else b"")
     for frame, row in kept.items():
         lines[frame] = table.lines[row]
-    return table.head + table.newline.join(lines) + table.end
+    return _safe_head(table) + table.newline.join(lines) + table.end
+
+
+def _safe_head(table: RobotTable) -> bytes:
+    """The text before the rows, in which no name of a column is a formula to a spreadsheet; else as it is."""
+    lines = table.head.decode("latin-1").split(table.newline.decode())
+    return table.newline.decode().join(safe_line(line, table.separator) for line in lines).encode("latin-1")
 
 
 def lines_of_rows(values: np.ndarray, decimals: int = USUAL_DECIMALS, separator: str = ",") -> list[bytes]:

@@ -1,11 +1,12 @@
 """The pose vectors of SMPL's files, under AMASS' names of arrays and under those of the smplx package.
 
-Arrays may have a leading axis of 1 (a batch of one), and a pose may be (T, J, 3) or (T, 3 J).
+Arrays may have a leading axis of 1 (a batch of one). A pose is rotation vectors, (T, J, 3) or (T, 3 J), or rotation
+matrices, (T, J, 3, 3), (T, J, 9) or (T, 9 J).
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 
 import numpy as np
 
@@ -22,7 +23,10 @@ _PARTS = {
     "pose_hand": ((30,), ("left_hand_pose", "right_hand_pose")),
 }
 _FACE_AND_HANDS = ("pose_jaw", "pose_eye", "pose_hand")
-_WIDTHS = tuple(3 * len(names) for names in LAYOUTS.values())
+_JOINTS = tuple(len(names) for names in LAYOUTS.values())
+_WIDTHS = tuple(3 * joints for joints in _JOINTS)
+_NOT_ORTHOGONAL = 0.02  # largest element of R R^T - I; half precision and PyTorch's solvers stay below 0.005
+_BLOCK = 1 << 16  # matrices
 SMPLX_NAMES = tuple(name for _, names in _PARTS.values() for name in names)
 POSE_NAMES = ("poses", *_PARTS, *SMPLX_NAMES)
 PLACE_NAMES = ("trans", "transl")
@@ -69,6 +73,8 @@ def places_of(array: np.ndarray) -> np.ndarray:
 
 def _whole(array: np.ndarray, name: str) -> np.ndarray:
     shape = array.shape
+    if matrices := _matrix_joints(array, _JOINTS, f"{name}: poses"):
+        return _vectors(array, matrices)
     if shape[:1] == (1,) and (array.ndim == 4 or (array.ndim == 3 and shape[2] in _WIDTHS)):
         array = array[0]
     if array.ndim == 3 and array.size:
@@ -87,10 +93,14 @@ def _parts(arrays: Mapping[str, np.ndarray], name: str) -> tuple[dict[str, np.nd
             parts[key] = _rows(arrays[key], joints, f"{name}: {key}")
         elif all(other in arrays for other in others):
             each = tuple(count // len(others) for count in joints)
-            if key == "pose_hand" and not all(_row_joints(arrays[other], each) for other in others):
+            where = {other: f"{name}: {other}" for other in others}
+            if key == "pose_hand" and not all(
+                _row_joints(arrays[other], each) or _matrix_joints(arrays[other], each, where[other])
+                for other in others
+            ):
                 notes.append(note(Flag.HANDS_LEFT_OUT))
                 continue
-            halves = [_rows(arrays[other], each, f"{name}: {other}") for other in others]
+            halves = [_rows(arrays[other], each, where[other]) for other in others]
             if len({len(half) for half in halves}) > 1:
                 raise InputError(f"{name}: its parts of the pose differ in their number of frames.")
             parts[key] = np.concatenate(halves, axis=1)
@@ -99,21 +109,69 @@ def _parts(arrays: Mapping[str, np.ndarray], name: str) -> tuple[dict[str, np.nd
 
 def _rows(array: np.ndarray, joints: tuple[int, ...], where: str) -> np.ndarray:
     """The array as (T, 3 J), J one of `joints`. Raises InputError naming `where` if its shape is another one."""
-    count = _row_joints(array, joints)
     if array.ndim < 2 or not array.size:
         raise InputError(f"{where} has no frames or no numbers.")
+    if matrices := _matrix_joints(array, joints, where):
+        return _vectors(array, matrices)
+    count = _row_joints(array, joints)
     if not count:
         numbers = " or ".join(str(3 * each) for each in joints)
-        raise InputError(f"{where} has the shape {array.shape}, expected frames by {numbers} numbers.")
+        matrices = " or ".join(str(9 * each) for each in joints)
+        raise InputError(
+            f"{where} has the shape {array.shape}, expected frames by {numbers} numbers (rotation vectors) or"
+            f" {matrices} (rotation matrices)."
+        )
     return array.reshape(-1, 3 * count)
 
 
 def _row_joints(array: np.ndarray, joints: tuple[int, ...]) -> int:
     """The number of joints of each frame, 0 if the shape fits none; axes before the frames must be of length 1."""
+    return next((count for count in joints if _frames_by(array.shape, ((3 * count,), (count, 3)))), 0)
+
+
+def _frames_by(shape: tuple[int, ...], tails: Iterable[tuple[int, ...]]) -> bool:
+    """Whether a shape is that of frames of one of these, with a leading axis of 1 or without."""
+    for tail in tails:
+        before = shape[: len(shape) - len(tail)]
+        if shape[len(before) :] == tail and len(before) in (1, 2) and (len(before) == 1 or before[0] == 1):
+            return True
+    return False
+
+
+def _matrix_joints(array: np.ndarray, joints: tuple[int, ...], where: str) -> int:
+    """The number of joints of which each frame holds a rotation matrix, 0 if it holds something else.
+
+    Raises: InputError if the array has the shape of matrices, and its numbers are no rotations.
+    """
     for count in joints:
-        shape = array.shape
-        for tail in ((3 * count,), (count, 3)):
-            before = shape[: len(shape) - len(tail)]
-            if shape[len(before) :] == tail and len(before) in (1, 2) and (len(before) == 1 or before[0] == 1):
+        tails = [(count, 3, 3), (count, 9), (9 * count,)] + [(3, 3)] * (count == 1)
+        if array.size and _frames_by(array.shape, tails):
+            if _are_rotations(array.reshape(-1, 3, 3)):
                 return count
+            if not _row_joints(array, joints):  # one matrix of one joint has the shape of three of its vectors
+                raise InputError(
+                    f"{where} has the shape {array.shape} of rotation matrices, and its numbers are no rotations."
+                )
     return 0
+
+
+def _are_rotations(matrices: np.ndarray) -> bool:
+    """Whether all of the matrices (N, 3, 3) are rotations, within rounding errors."""
+    for start in range(0, len(matrices), _BLOCK):
+        block = matrices[start : start + _BLOCK].astype(np.float64)
+        off = np.abs(block @ block.transpose(0, 2, 1) - np.eye(3)).max()
+        if not (off < _NOT_ORTHOGONAL and (np.linalg.det(block) > 0).all()):
+            return False
+    return True
+
+
+def _vectors(array: np.ndarray, joints: int) -> np.ndarray:
+    """(T, 3 J) float32 rotation vectors of an array that holds J rotation matrices for each frame."""
+    from scipy.spatial.transform import Rotation  # only now: the list of formats is shown without SciPy
+
+    matrices = array.reshape(-1, 3, 3)
+    out = np.empty((len(matrices), 3), np.float32)
+    for start in range(0, len(matrices), _BLOCK):
+        block = matrices[start : start + _BLOCK].astype(np.float64)
+        out[start : start + _BLOCK] = Rotation.from_matrix(block).as_rotvec()
+    return out.reshape(-1, 3 * joints)

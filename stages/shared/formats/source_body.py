@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,7 +22,7 @@ from stages.shared.humanoid import reference_pose
 from stages.shared.humanoid.body_groups import BodyParts, find_body_parts
 from stages.shared.humanoid.facing import BodyPoses, bone_tips, find_sides, stands_on_four_feet
 from stages.shared.humanoid.joint_names import has_a_tail
-from stages.shared.kinematics.forward_numpy import global_rotations, joint_positions
+from stages.shared.kinematics.forward_numpy import BLOCK_FRAMES, global_rotations, joint_positions
 from stages.shared.kinematics.rotations import continuous_signs, multiply
 
 _GUIDE_FRAMES = 16
@@ -29,7 +30,6 @@ _TRIM_LOOKAHEAD = 32
 _SIDES_SPACING_S = 0.2
 _SIDES_FRAMES = 300
 _CLEAR_BALANCE = 0.25
-_BLOCK = 4096  # frames
 _JUMP_M = 0.25  # between two frames; no joint of a person moves so far
 
 _Place = tuple[float, float, float]
@@ -60,15 +60,26 @@ class SourceRig:
     usual_unit_m: float | None = None
 
 
+class Rotations(Protocol):
+    """Rotations (T, J, 4) of which frames are asked for: `rotations[frames]`, with a slice or an index array."""
+
+    shape: tuple[int, ...]
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, frames: slice | np.ndarray, /) -> np.ndarray: ...
+
+
 @dataclass(frozen=True)
 class SourcePoses:
     """T poses of a rig, in its unit and axes.
 
-    local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32. root: (T, 3) joint 0 in the world.
+    local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32; not an array if they are computed when
+    frames of them are asked for.
+    root: (T, 3) joint 0 in the world.
     moving: joints below joint 0 whose place in the parent's frame varies; tracks: (T, K, 3) of them.
     """
 
-    local: np.ndarray
+    local: np.ndarray | Rotations
     root: np.ndarray
     fps: float
     moving: Sequence[int] = ()
@@ -174,7 +185,7 @@ def motion_of_poses(
     if rest_frame is not None and not 0 <= rest_frame < frames:
         raise InputError(f"Rest frame {rest_frame} is outside of its frames 0 to {frames - 1}.")
     # Global rotations of a short clip are computed once; those of a long one in blocks, which limits the memory.
-    whole = global_rotations(poses.local, body.parents) if frames <= _BLOCK else None
+    whole = global_rotations(poses.local[:], body.parents) if frames <= BLOCK_FRAMES else None
 
     def rotations_at(index: np.ndarray) -> np.ndarray:
         return global_rotations(poses.local[index], body.parents) if whole is None else whole[index]
@@ -220,15 +231,18 @@ def motion_of_poses(
     return skeleton, motion, notes
 
 
-def _upright(local: np.ndarray, parents: np.ndarray, turn: Rotation | None, whole: np.ndarray | None) -> np.ndarray:
+def _upright(
+    local: np.ndarray | Rotations, parents: np.ndarray, turn: Rotation | None, whole: np.ndarray | None
+) -> np.ndarray:
     """(T, J, 4) float32 global rotations, turned to Y up, sign-continuous; `whole`: they, if computed already."""
     out = np.empty(local.shape, np.float32)
-    for start in range(0, len(local), _BLOCK):
-        block = global_rotations(local[start : start + _BLOCK], parents) if whole is None else whole
+    for start in range(0, len(local), BLOCK_FRAMES):
+        block = slice(start, start + BLOCK_FRAMES)
+        turns = global_rotations(local[block], parents) if whole is None else whole[block]
         if turn is not None:
-            block = multiply(turn.as_quat(), block)
-        before = out[start - 1 : start] if start else block[:0]
-        out[start : start + len(block)] = continuous_signs(np.concatenate([before, block]))[len(before) :]
+            turns = multiply(turn.as_quat(), turns)
+        before = out[start - 1 : start] if start else turns[:0]
+        out[block] = continuous_signs(np.concatenate([before, turns]))[len(before) :]
     return out
 
 

@@ -29,3 +29,17 @@ def texts_of_line(line: str, separator: str) -> list[str]:
     except csv.Error:  # such as a quote that never ends, before a very long rest
         cells = [cell.strip().strip('"') for cell in line.split(separator)]
     return [text_of_cell(cell.strip()) for cell in cells]
+
+
+def safe_line(line: str, separator: str) -> str:
+    """A line of cells as it is, but for cells that a spreadsheet takes for formulas: those are made texts.
+
+    `texts_of_line` reads the same texts from both.
+    """
+    cells = line.split(separator)
+    for at, cell in enumerate(cells):
+        text = cell.strip().strip('"')
+        if text_cell(text) != text:
+            start = cell.index(text)
+            cells[at] = f"{cell[:start]}'{cell[start:]}"
+    return separator.join(cells)

@@ -57,11 +57,11 @@ def bones_of(skeleton: Skeleton, group: int) -> tuple[int, ...]:
 def match_limb(source: Skeleton, target: Skeleton, group: int) -> tuple[Piece, ...]:
     """The matching bones of a limb. A bone of the target that is in no piece has no match."""
     theirs, ours = bones_of(source, group), bones_of(target, group)
-    pairs = _align(_in_legs(source, theirs), _in_legs(target, ours))
+    pairs = align_lengths(lengths_in_legs(source, theirs), lengths_in_legs(target, ours))
     return tuple(Piece(tuple(theirs[i] for i in some), tuple(ours[j] for j in others)) for some, others in pairs)
 
 
-def _in_legs(skeleton: Skeleton, bones: tuple[int, ...]) -> tuple[float, ...]:
+def lengths_in_legs(skeleton: Skeleton, bones: tuple[int, ...]) -> tuple[float, ...]:
     """Lengths of bones in units of the leg's length, so that bodies of any size compare."""
     leg = np.mean([bone_lengths(skeleton, bones_of(skeleton, leg)).sum() for leg in LEGS])
     return tuple(float(length) for length in np.maximum(bone_lengths(skeleton, bones) / leg, 1e-4))
@@ -83,8 +83,10 @@ def size_ratio(source: Skeleton, target: Skeleton) -> float:
     return float(ours / theirs)
 
 
-def _align(source: tuple[float, ...], target: tuple[float, ...]) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """The monotone alignment of two lists of lengths with the least cost."""
+def align_lengths(
+    source: tuple[float, ...], target: tuple[float, ...]
+) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """The monotone alignment of two lists of lengths with the least cost: pairs of places in both lists."""
 
     @cache
     def best(i: int, j: int, begun: bool) -> tuple[float, tuple]:

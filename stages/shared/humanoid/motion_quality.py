@@ -5,6 +5,8 @@ They become columns of the clip index, by which clips can be filtered. `data_sch
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -14,12 +16,15 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.bone_matching import ARMS, LEGS, bones_of
 from stages.shared.humanoid.facing import off_line
 from stages.shared.kinematics.foot_contacts import (
+    Feet,
     detect_contacts,
     find_feet,
     floor_levels,
     foot_skate_mps,
+    has_feet,
     limb_joints,
 )
+from stages.shared.kinematics.forward_numpy import BLOCK_FRAMES
 from stages.shared.kinematics.playback_speed import rate_is_suspect, speed_features, speed_of
 
 STILL_MPS = 0.01  # a body is still if no joint moves faster
@@ -40,34 +45,57 @@ def measure_quality(
         repaired_frames: number of frames that its reader repaired.
     """
     body = np.flatnonzero((skeleton.groups >= 0) & skeleton.sampled)
-    turned = _turns(motion.rotations[:, body])
-    features = speed_features(skeleton, positions, motion.fps)
-    still = _still(positions[:, body], motion.fps)
-    skate, penetration = _feet(skeleton, positions, motion.fps)
+    spikes, flips = _fast_turns(motion.rotations, body, motion.fps)
+    feet = find_feet(skeleton) if has_feet(skeleton) else None
+    features = None if feet is None else speed_features(skeleton, positions, motion.fps, feet)
+    still = _still(positions, body, motion.fps)
+    skate, penetration = _feet(feet, positions, motion.fps)
     return MotionQuality(
         still_share=float(still.mean()),
         t_pose=_t_pose(skeleton, positions, motion.rotations, still),
         repeated_share=_repeated(motion),
-        spikes=int((turned * motion.fps > HUMAN_RAD_PER_S).any(axis=1).sum()),
-        flips=int((turned > FLIP_RAD).any(axis=1).sum()),
+        spikes=spikes,
+        flips=flips,
         foot_skate=skate,
         floor_penetration=penetration,
         speed_log2=None if features is None else speed_of(features),
         wrong_rate=features is not None and rate_is_suspect(features),
-        swapped=_swapped(skeleton, positions, motion.rotations),
+        swapped=feet is not None and _swapped(skeleton, feet, positions, motion.rotations),
         repaired_frames=repaired_frames,
     )
 
 
-def _turns(rotations: np.ndarray) -> np.ndarray:
-    """(T - 1, J) radians between neighbouring frames, of global rotations (T, J, 4)."""
-    cosine = np.abs((rotations[1:].astype(np.float64) * rotations[:-1]).sum(-1))
-    return 2 * np.arccos(np.clip(cosine, 0, 1))
+def _fast_turns(rotations: np.ndarray, body: np.ndarray, fps: float) -> tuple[int, int]:
+    """Number of frames after which a joint turns faster than a human does, and of those after which it flips.
+
+    Args:
+        rotations: (T, J, 4) global. body: (K,) the joints that count.
+    """
+    least = min(FLIP_RAD, HUMAN_RAD_PER_S / fps)
+    nearly = np.cos(least / 2) + 1e-9 if least < np.pi else 0.0  # only angles of cosines below it can be too large
+    spikes = flips = 0
+    for turns in _blocks(rotations, body):
+        x, y, z, w = turns[..., 1:] * turns[..., :-1]
+        cosine = np.abs(x + y + z + w).min(axis=0)  # of the joint that turns most
+        turned = 2 * np.arccos(np.clip(cosine[cosine <= nearly], 0, 1))
+        spikes += int((turned * fps > HUMAN_RAD_PER_S).sum())
+        flips += int((turned > FLIP_RAD).sum())
+    return spikes, flips
 
 
-def _still(positions: np.ndarray, fps: float) -> np.ndarray:
-    """(T,) bool: frames in stretches of `LEAST_S` or longer in which no joint moves."""
-    speeds = np.linalg.norm(np.diff(positions.astype(np.float64), axis=0), axis=-1).max(axis=1) * fps
+def _blocks(values: np.ndarray, body: np.ndarray) -> Iterator[np.ndarray]:
+    """Values (T, J, C) of some joints (K,) as float64 (C, K, N), time last, a frame after the block included."""
+    for start in range(0, max(len(values) - 1, 1), BLOCK_FRAMES):
+        yield np.array(values[start : start + BLOCK_FRAMES + 1, body].transpose(2, 1, 0), np.float64, order="C")
+
+
+def _still(positions: np.ndarray, body: np.ndarray, fps: float) -> np.ndarray:
+    """(T,) bool: frames in stretches of `LEAST_S` or longer in which no joint of the body (K,) moves."""
+    furthest = [np.zeros(0)]
+    for places in _blocks(positions, body):
+        x, y, z = np.square(np.diff(places, axis=-1))
+        furthest.append((x + y + z).max(axis=0))
+    speeds = np.sqrt(np.concatenate(furthest)) * fps
     quiet = np.concatenate([speeds < STILL_MPS, [False]]) if len(speeds) else np.zeros(len(positions), bool)
     out = np.zeros(len(positions), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
@@ -103,11 +131,9 @@ def _t_pose(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray, st
     return bool((outward > np.cos(T_POSE_RAD)).any())
 
 
-def _feet(skeleton: Skeleton, positions: np.ndarray, fps: float) -> tuple[float | None, float | None]:
+def _feet(feet: Feet | None, positions: np.ndarray, fps: float) -> tuple[float | None, float | None]:
     """Foot skate, and how far the feet's lowest percentile is below the level on which they mostly stand."""
-    try:
-        feet = find_feet(skeleton)
-    except InputError:
+    if feet is None:
         return None, None
     levels = floor_levels(positions, feet)
     contacts = detect_contacts(positions, feet, fps, levels=levels)
@@ -121,14 +147,14 @@ def _feet(skeleton: Skeleton, positions: np.ndarray, fps: float) -> tuple[float 
     return (skate if np.isfinite(skate) else None), float(sunk.max())
 
 
-def _swapped(skeleton: Skeleton, positions: np.ndarray, rotations: np.ndarray) -> bool:
+def _swapped(skeleton: Skeleton, feet: Feet, positions: np.ndarray, rotations: np.ndarray) -> bool:
     """Whether toes and knees point backwards, by the hips, the chest and the named sides.
 
     Faster than `stages.shared.humanoid.facing`, which finds the sides of joints without names.
     """
     try:
         legs = [bones_of(skeleton, leg) for leg in LEGS]
-        joints = limb_joints(skeleton, find_feet(skeleton))
+        joints = limb_joints(skeleton, feet)
         chest = bones_of(skeleton, 0)[-1]
     except InputError:
         return False

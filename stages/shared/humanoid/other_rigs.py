@@ -16,7 +16,7 @@ from stages.shared.humanoid.retargeting import retarget
 
 APART_RAD = np.radians(40)  # largest distance between two reference poses from which a motion is retargeted
 _POSE_CLIPS, _POSES_EACH = 8, 25  # of a rig, from which its reference pose is chosen
-_LONGEST = 1800  # most frames of one clip that are retargeted, from a random start
+LONGEST = 1800  # most frames of one clip that are retargeted, from a random start
 
 
 @dataclass(frozen=True)
@@ -48,23 +48,29 @@ def _poses(reader: MotionReader, rows: Sequence[ClipRow]) -> Motion:
 
 
 def on_another_rig(
-    reader: MotionReader, row: ClipRow, motion: Motion, rigs: Rigs, seed: int, share: float = 1.0
+    reader: MotionReader,
+    row: ClipRow,
+    motion: Motion,
+    rigs: Rigs,
+    seed: int,
+    share: float = 1.0,
+    longest: int = LONGEST,
 ) -> Iterator[tuple[ClipRow, Motion]]:
     """The clip on a random rig, for `share` of all clips; nothing if it cannot be retargeted.
 
     The draw depends on the seed and the clip's name only, not on the order of clips or on which other clips there are
     on the same rigs.
 
-    Yields: the row, named CLIP@RIG with its source and split unchanged, and the motion, cut to at most a minute at 30
-        frames a second.
+    Yields: the row, named CLIP@RIG with its source and split unchanged, and the motion, cut to at most
+        `longest` frames.
     """
     rng = np.random.default_rng((seed, zlib.crc32(row.clip.encode("utf-8"))))
     others = [name for name in rigs.skeletons if name != row.skeleton]
     if not others or rng.random() >= share:
         return
     name = others[int(rng.integers(len(others)))]
-    start = int(rng.integers(max(1, motion.frames - _LONGEST + 1)))
-    part = motion.at(slice(start, start + _LONGEST))
+    start = int(rng.integers(max(1, motion.frames - longest + 1)))
+    part = motion.at(slice(start, start + longest))
     try:
         made = retarget(reader.skeleton(row.skeleton), part, rigs.skeletons[name], rigs.poses[name])
     except (

@@ -9,7 +9,7 @@ import torch
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion
-from stages.shared.inference.foot_lock import standing_feet
+from stages.shared.inference.standing_feet import standing_feet
 from stages.shared.kinematics.foot_contacts import find_feet, foot_skate_mps
 from stages.shared.solve.skeleton_pose import SkeletonPose
 

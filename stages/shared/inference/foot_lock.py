@@ -1,78 +1,57 @@
 """Feet that stand stay where they stand: a clean-up of filled frames that moves legs and nothing else.
 
-While a contact joint stands (`stages.shared.kinematics.foot_contacts`), its foot is shifted as a whole to one place:
-through the keys' own places where keys are among the frames, else to the mean. The shift comes and goes smoothly, is
-nothing at every key; and no foot comes lower than the lowest does in the known frames. The leg's joints above the
-foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its direction, the pelvis its
-place. Hips and knees turn about the axes about which they turn in the keys, so that no knee flips.
+While a contact joint stands (`stages.shared.inference.standing_feet`), its foot is shifted as a whole to one place:
+through the keys' own places where keys are among the frames, else to the middle of its path at the height at which
+it stands in the keys. Where neither foot stands although the body does not fly, the lower foot comes down. The shift
+comes and goes smoothly, is nothing at every key; and no foot comes lower than the lowest does in the known frames.
+The leg's joints above the foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its
+direction, the pelvis its place. Hips and knees turn about the axes about which they turn in the keys, so that no knee
+flips.
 
-Holding a foot must not cause a pop. `_eased` reduces the shift of a leg that turns or accelerates too much. The limit
-is the larger of two values, times `MORE`: the most that either leg of the filled motion does in the same gap, and the
-values of a calm motion (`CALM_DEG_PER_S`, `CALM_MPS2`).
+Holding a foot never makes a pop worse (`stages.shared.inference.pop_limits`). The shift is the nearest to the wanted
+one with which no part of the foot accelerates more than it may (`stages.shared.solve.bounded_path`). Where the leg
+above the foot still turns or accelerates too much, the foot is let go by degrees.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import torch
 from scipy.ndimage import maximum_filter1d
-from torch import Tensor
 
-from stages.shared.kinematics.foot_contacts import (
-    HEIGHT_SHARE,
-    SPEED_SHARE,
-    Feet,
-    contact_speeds,
-    detect_contacts,
-    find_feet,
-    floor_levels,
-    limb_joints,
-)
-from stages.shared.kinematics.rotations import conjugate, multiply
+from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, runs_of, without_pops
+from stages.shared.inference.standing_feet import held_shifts, lowered_feet, standing_feet
+from stages.shared.kinematics.foot_contacts import Feet, find_feet, limb_joints
+from stages.shared.kinematics.rotations import multiply
+from stages.shared.solve.bounded_path import bounded_shift
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.smoothing import smooth_corrections
 
 SMOOTH_S, LOOSE = 0.06, 0.005
-# A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
-SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
-FURTHEST_SHARE = 0.25  # of the leg: a foot that would have to be moved further was not a standing one
 NOISE_M = 0.004  # how closely a foot meets its place
 OPEN_RAD = 0.5  # how far a leg's joint may turn about an axis about which the keys do not turn it
-# A leg may turn and accelerate so much, whatever the filled motion does: degrees a second, metres a second squared.
-CALM_DEG_PER_S, CALM_MPS2 = 300.0, 25.0
-MORE = 1.25  # factor on both limits
 FLOOR_ROUNDS = 3
-LET_GO, ROUNDS, NEAR_S = (
-    0.6,
-    8,
-    0.2,
-)  # share of a shift that a round keeps; rounds until it is 0; seconds around
-
-
-@dataclass(frozen=True)
-class _Leg:
-    """A leg over all T frames, and what it does by itself.
-
-    ankle:  its first contact joint, index into the skeleton.
-    joints: (n,) from the hip to the joint above the ankle, index into the skeleton.
-    prior:  (n, 3, 3) of their turns.
-    """
-
-    ankle: int
-    joints: list[int]
-    limb: Limb
-    prior: np.ndarray
+LET_GO, ROUNDS = 0.4, 3  # share of a shift that a round keeps; rounds until it is 0
+# A foot's path keeps to a share of the limit of accelerations, a smaller one where the solved leg exceeds its limits.
+PATH_SHARE, TIGHTEN, TIGHT_LEAST = 0.9, 0.4, 0.15
+TIGHTEN_S = 0.1  # around a frame in which it does
+FIRST, AGAIN = 6, 2  # iterations of the first solve of a leg, and of those that start from the one before
+PIECE_S = 4.0  # a clip is solved in pieces about so long
+NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
 
 def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:
     """Hold standing feet in the frames that are not known.
 
-    A leg without a joint above its first contact joint cannot be moved, and stays as it is.
+    A leg without a joint above its first contact joint cannot be moved, and stays as it is. No measured joint turns
+    further in a frame, or accelerates more, than one of the given pose does within two seconds (`PopLimits`).
 
     Args:
         pose: T frames, filled, `fps` a second. known: (T,) bool; known frames come back value for value.
@@ -82,43 +61,81 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
     feet = find_feet(pose.skeleton)
     places = pose.heads.numpy()
     contacts = standing_feet(places, feet, fps, known)
-    gaps = np.flatnonzero(~known)
     legs = _legs_of(pose, feet, known)
-    wanted = [_wanted_shift(places, contacts, feet, group, known) for group in legs]
-    if len(gaps) == 0 or not any(leg.held.any() or leg.heights.min() < leg.floors.min() for leg in wanted):
+    shifts = held_shifts(places, contacts, feet, known)
+    lowered = lowered_feet(places, contacts, feet, pose.skeleton.root, known, fps)
+    wanted = [_wanted_shift(places, shifts, contacts, lowered, feet, leg.group, known) for leg in legs]
+    if known.all() or not any(
+        each.held.any() or each.lower.any() or each.heights.min() < each.floors.min() for each in wanted
+    ):
         return pose
-    turns = _eased(list(legs.values()), wanted, known, fps)
-    return pose.with_rows(gaps, _with_legs_turned(pose.by_local(), list(legs.values()), turns).rows(gaps))
+    limits = PopLimits.of(Steps.of_pose(pose), known, fps)
+    turns = [np.zeros(leg.limb.offsets.shape) for leg in legs]
+    shifts = [np.zeros(want.shifts.shape) for want in wanted]
+    for own, around in _pieces(known, PIECE_S * fps):
+        fixed = np.arange(around.start, around.stop) < own.start  # solved with the piece before
+        for leg, want, turn, shift in zip(legs, wanted, turns, shifts, strict=True):
+            piece = _Piece(leg.rows(around), want.rows(around), known[around], fixed, shift[around], turn[around])
+            shift[around], turn[around] = _calm(piece, limits.rows(around), fps)
+    return without_pops(pose, _with_legs_turned(pose, legs, turns, known), known, fps)
 
 
-def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
-    """(T, F) bool: contact joints that stand, in a motion of which some frames are filled.
+@dataclass(frozen=True)
+class _Leg:
+    """A leg over all T frames, and what it does by itself.
 
-    By the definition of `detect_contacts`, with the floor of the known frames, but that slow is what is slow beside
-    the foot's own steps: filled feet glide where true ones stand and step, and of what stands at 0.35 legs a second
-    only seven tenths is found, of this nine tenths. And between two neighbouring keys in
-    both of which a joint is low, in places that it could not have left and come back to while standing slow, all
-    frames in which it stays low: that it slides there is the filling's doing. A joint that is further from its place
-    than `FURTHEST_SHARE` of the leg does not stand.
+    group:  its body group.
+    joints: (n,) from the hip to the joint above the ankle, index into the skeleton.
+    ankle:  its first contact joint, index into the skeleton.
+    foot:   (T, m, 3) the ankle and what hangs on it, metres.
+    prior:  (n, 3, 3) of the joints' turns.
     """
-    levels = floor_levels(positions, feet, known)
-    speeds = contact_speeds(positions, feet, fps)
-    fastest = maximum_filter1d(speeds, 2 * round(FASTEST_WITHIN_S * fps) + 1, axis=0)
-    slow = np.clip(SLOW_SHARE * fastest, SPEED_SHARE * feet.leg_m, SLOW_AT_MOST * feet.leg_m)
-    contacts = detect_contacts(positions, feet, fps, levels=levels, slow_mps=slow)
-    low = positions[:, feet.joints, 1] - levels <= HEIGHT_SHARE * feet.leg_m
-    keys = np.flatnonzero(known)
-    for first, last in pairwise(keys):
-        if last - first < 2:
+
+    group: int
+    joints: list[int]
+    ankle: int
+    limb: Limb
+    foot: np.ndarray
+    prior: np.ndarray
+
+    def rows(self, rows: slice) -> _Leg:
+        """Some of the frames."""
+        return replace(self, limb=self.limb.rows(rows), foot=self.foot[rows])
+
+    def steps(self, turns: np.ndarray) -> Steps:
+        """How far the leg's joints turn and bend their paths with turns (T, n, 3) added; its hip stays."""
+        rotations, places, end = self.limb.turned(turns)
+        foot = self.foot + (end - self.limb.by_itself[2])[:, None]
+        return Steps.of(rotations, np.concatenate([places[:, 1:], foot], axis=1))
+
+
+def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> list[_Leg]:
+    """The legs that have a joint to turn."""
+    skeleton = pose.skeleton
+    prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().numpy()
+    local, rotations, heads = (part.double().numpy() for part in (pose.local, pose.rotations, pose.heads))
+    offsets = pose.offsets.expand(len(pose), -1, 3).double().numpy()
+    legs = []
+    groups = dict.fromkeys(int(group) for group in feet.groups)
+    for group, chain, (_, _, ankle) in zip(groups, feet.chains, limb_joints(skeleton, feet), strict=True):
+        below = list(chain[: chain.index(ankle) + 1])
+        joints = below[:-1]
+        if not joints:
             continue
-        apart = np.linalg.norm(positions[last, feet.joints] - positions[first, feet.joints], axis=-1)
-        near = apart <= min(SPEED_SHARE * (last - first) / fps / 2, SPEED_SHARE / 3) * feet.leg_m
-        planted = low[first] & low[last] & near
-        contacts[first : last + 1] |= low[first : last + 1] & planted
-    for column, joint in enumerate(feet.joints):
-        away = np.linalg.norm(_held(positions[:, joint], contacts[:, column], known), axis=-1)
-        contacts[:, column] &= away <= FURTHEST_SHARE * feet.leg_m
-    return contacts
+        above = rotations[:, int(skeleton.parents[joints[0]])]
+        limb = Limb(local[:, joints], above, heads[:, joints[0]], offsets[:, below[1:]])
+        foot = heads[:, _with_what_hangs_on(skeleton.parents, [int(ankle)])]
+        legs.append(_Leg(group, joints, int(ankle), limb, foot, prior[joints]))
+    return legs
+
+
+def _with_what_hangs_on(parents: np.ndarray, joints: Iterable[int], but: Iterable[int] = ()) -> list[int]:
+    """Joints and all joints below them, parents first, without those of `but` and below."""
+    found, left_out = set(joints), set(but)
+    for joint, parent in enumerate(parents):
+        if int(parent) in found and joint not in left_out:
+            found.add(joint)
+    return sorted(found)
 
 
 @dataclass(frozen=True)
@@ -127,50 +144,56 @@ class _Wanted:
 
     shifts:  (T, 3) metres, in the frames in which it is held, elsewhere 0.
     held:    (T,) bool.
+    lower:   (T,) metres, at most 0: added to the height of a foot that floats.
     heights: (T, M) of its contact joints, metres.
     floors:  (M,) the lowest that a contact joint of each kind comes in a known frame.
     """
 
     shifts: np.ndarray
     held: np.ndarray
+    lower: np.ndarray
     heights: np.ndarray
     floors: np.ndarray
+
+    def rows(self, rows: slice) -> _Wanted:
+        """Some of the frames."""
+        return _Wanted(self.shifts[rows], self.held[rows], self.lower[rows], self.heights[rows], self.floors)
+
+    @cached_property
+    def stands(self) -> list[np.ndarray]:
+        """Runs of frames in which the foot is held."""
+        return runs_of(self.held)
 
     def path(self, trust: np.ndarray, floor_trust: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
         """(T, 3) shifts that come and go smoothly: of stands and out of the floor, each times its trust (T,)."""
         path = _smooth(trust[:, None] * self.shifts, self.held, known, fps)
-        wanted = np.zeros((len(known), 1))
-        lift = wanted
+        wanted = np.where(known, 0.0, self.lower)[:, None]
+        lift = _smooth(wanted, wanted[:, 0] < 0, known, fps)
         for _ in range(FLOOR_ROUNDS):  # what the smoothing leaves below the floor is asked for again
             sunk = (self.floors - (self.heights + path[:, 1:2] + lift)).max(1, keepdims=True)
             wanted = wanted + np.where(known[:, None], 0.0, np.maximum(sunk, 0.0))
-            lift = _smooth(wanted, wanted[:, 0] > 0, known, fps)
-        path[:, 1:2] += _smooth(floor_trust[:, None] * wanted, wanted[:, 0] > 0, known, fps)
+            lift = _smooth(wanted, wanted[:, 0] != 0, known, fps)
+        path[:, 1:2] += _smooth(floor_trust[:, None] * wanted, wanted[:, 0] != 0, known, fps)
         return path
 
 
-def _wanted_shift(places: np.ndarray, contacts: np.ndarray, feet: Feet, group: int, known: np.ndarray) -> _Wanted:
+def _wanted_shift(
+    places: np.ndarray,
+    shifts: np.ndarray,
+    contacts: np.ndarray,
+    lowered: np.ndarray,
+    feet: Feet,
+    group: int,
+    known: np.ndarray,
+) -> _Wanted:
     """What is wanted of the foot of the leg of this body group."""
     heights = places[:, feet.joints, 1]
     lowest = np.array([heights[known][:, feet.is_end == end].min() for end in feet.is_end])
     members = np.flatnonzero(feet.groups == group)
-    wanted = np.stack([_held(places[:, feet.joints[m]], contacts[:, m], known) for m in members], axis=1)
     held = contacts[:, members]
-    own = (wanted * held[..., None]).sum(1) / np.maximum(held.sum(1, keepdims=True), 1)
-    return _Wanted(own, np.asarray(held.any(1)), heights[:, members], lowest[members])
-
-
-def _held(path: np.ndarray, stands: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(T, 3) from a joint's path to the place it is to keep, in the frames in which it stands."""
-    out = np.zeros((len(path), 3))
-    for run in _runs(stands):
-        keys = run[known[run]]
-        if len(keys):
-            place = np.stack([np.interp(run, keys, path[keys, axis]) for axis in range(3)], -1)
-        else:
-            place = path[run].mean(0)
-        out[run] = place - path[run]
-    return out
+    own = (shifts[:, members] * held[..., None]).sum(1) / np.maximum(held.sum(1, keepdims=True), 1)
+    lower = lowered[:, members].min(1)
+    return _Wanted(own, np.asarray(held.any(1)), lower, heights[:, members], lowest[members])
 
 
 def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
@@ -185,68 +208,92 @@ def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float)
     return smooth_corrections(wanted, np.zeros_like(wanted), frames, known, SMOOTH_S * fps, weights)
 
 
-def _runs(flags: np.ndarray) -> list[np.ndarray]:
-    """Runs of True as arrays of indices."""
-    found = np.flatnonzero(flags)
-    return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
+def _pieces(known: np.ndarray, frames: float) -> list[tuple[slice, slice]]:
+    """Pieces of a clip, about so many frames long, and what each is solved with: one more gap on either side.
 
-
-def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> dict[int, _Leg]:
-    """The legs that have a joint to turn, by body group."""
-    skeleton = pose.skeleton
-    prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().numpy()
-    local, rotations, heads = (part.double().numpy() for part in (pose.local, pose.rotations, pose.heads))
-    offsets = pose.offsets.expand(len(pose), -1, 3).double().numpy()
-    legs = {}
-    groups = dict.fromkeys(int(group) for group in feet.groups)
-    for group, chain, (_, _, ankle) in zip(groups, feet.chains, limb_joints(skeleton, feet), strict=True):
-        below = list(chain[: chain.index(ankle) + 1])
-        joints = below[:-1]
-        if not joints:
-            continue
-        above = rotations[:, int(skeleton.parents[joints[0]])]
-        limb = Limb(local[:, joints], above, heads[:, joints[0]], offsets[:, below[1:]])
-        legs[group] = _Leg(int(ankle), joints, limb, prior[joints])
-    return legs
-
-
-def _eased(legs: list[_Leg], wanted: list[_Wanted], known: np.ndarray, fps: float) -> list[np.ndarray]:
-    """Turns (T, n, 3) of each leg that hold its foot as far as the leg stays calm.
-
-    A stand near which a leg turns or accelerates too much keeps `LET_GO` of its shift, after `ROUNDS` rounds nothing.
+    Pieces begin and end at keys. A leg that lets go in one place is solved again in one piece alone.
     """
-    still = [np.zeros(leg.limb.offsets.shape) for leg in legs]
-    loose = [_motion_of(leg, turns, fps) for leg, turns in zip(legs, still, strict=True)]
-    limits = _limits(np.max(loose, axis=0), known, fps)
-    return [_eased_leg(leg, want, limits, known, fps) for leg, want in zip(legs, wanted, strict=True)]
+    # Gap g lies between borders[g] and borders[g + 1]; the first and the last border are the clip's ends.
+    borders = [0, *(int(gap[0]) - 1 for gap in runs_of(~known) if gap[0] > 1), len(known) - 1]
+    firsts = [0]
+    for place, border in enumerate(borders[:-1]):
+        if border - borders[firsts[-1]] >= frames:
+            firsts.append(place)
+    pieces = []
+    for first, last in pairwise([*firsts, len(borders) - 1]):
+        around = slice(borders[max(first - 1, 0)], borders[min(last + 1, len(borders) - 1)] + 1)
+        pieces.append((slice(borders[first], borders[last] + 1), around))
+    return pieces
 
 
-def _eased_leg(leg: _Leg, wanted: _Wanted, limits: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
-    runs = _runs(wanted.held)
-    trusts, floor_trust = np.ones(len(runs)), np.ones(len(known))
-    gaps = _runs(~known)
-    while trusts.any() or floor_trust[~known].any():
-        trust = np.zeros(len(known))
-        for run, kept in zip(runs, trusts, strict=True):
-            trust[run] = kept
-        shifts = wanted.path(trust, floor_trust, known, fps)
-        turns = solve_limb(leg.limb, shifts, leg.prior, known, noise_m=NOISE_M, span=SMOOTH_S * fps)
-        over = np.flatnonzero((_motion_of(leg, turns, fps) > limits).any(0))
+@dataclass(frozen=True)
+class _Piece:
+    """A leg in a piece of a clip.
+
+    known: (T,) bool. fixed: (T,) bool, frames that keep their shifts (T, 3) and turns (T, n, 3), as keys do.
+    """
+
+    leg: _Leg
+    wanted: _Wanted
+    known: np.ndarray
+    fixed: np.ndarray
+    shifts: np.ndarray
+    turns: np.ndarray
+
+
+def _calm(piece: _Piece, limits: PopLimits, fps: float) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts (T, 3) of a foot and turns (T, n, 3) of its leg that hold it as far as its steps stay within the limits.
+
+    Where they do not, the foot's path may bend less (`TIGHTEN`). Where that does not suffice, a stand near keeps
+    `LET_GO` of its shift, after `ROUNDS` rounds nothing. Where no stand is left near, what is wanted of heights
+    in the gap is reduced likewise; and where nothing is left near, the leg stays as it is.
+    """
+    leg, wanted, known, fixed = piece.leg, piece.wanted, piece.known, piece.fixed
+    gaps, span, frames = runs_of(~known), SMOOTH_S * fps, len(known)
+    no_shifts = np.where(fixed[:, None], piece.shifts, 0.0)
+    no_turns = np.where(fixed[:, None, None], piece.turns, 0.0)
+    pinned = known | fixed
+    limits = limits.raised_to(leg.steps(np.zeros(piece.turns.shape)))
+    weights, shares = np.where(wanted.held, 1.0, LOOSE), np.full(frames, PATH_SHARE)
+    trusts, floor_trusts, turns = np.ones(len(wanted.stands)), np.ones(len(gaps)), no_turns
+    iterations = FIRST
+    while trusts.any() or floor_trusts.any():
+        trust, floor_trust = _spread(wanted.stands, trusts, frames), _spread(gaps, floor_trusts, frames)
+        path = np.where(fixed[:, None], piece.shifts, wanted.path(trust, floor_trust, known, fps))
+        shifts = bounded_shift(path, leg.foot, shares[1:-1] * limits.bends, pinned, weights, span=span)
+        turns = solve_limb(
+            leg.limb, shifts, leg.prior, pinned, noise_m=NOISE_M, span=span, start=turns, iterations=iterations
+        )
+        iterations = AGAIN
+        over = limits.broken_frames(leg.steps(turns), known, ROUNDING / 10)
+        over = over[over >= max(fixed.sum() - 1, 0)]
         if not len(over):
-            return turns
-        near = np.array([np.abs(run[:, None] - over).min() <= NEAR_S * fps for run in runs], bool)
-        if (trusts[near] > 0).any():
+            return shifts, turns
+        is_over = np.isin(np.arange(frames), over)
+        tighten = np.asarray(maximum_filter1d(is_over, 2 * round(TIGHTEN_S * fps) + 1), bool)
+        near, gaps_near = _near(wanted.stands, over, NEAR_S * fps), _near(gaps, over, 1)
+        if (shares[tighten] > TIGHT_LEAST).any():
+            shares[tighten] *= TIGHTEN
+        elif (trusts[near] > 0).any():
             trusts[near] = _less(trusts[near])
-            continue
-        # No stand is left there: the floor is let go, and after that, far stands.
-        touched = [gap for gap in gaps if ((over >= gap[0] - 1) & (over <= gap[-1] + 1)).any()]
-        touched = [gap for gap in touched if floor_trust[gap].any()]
-        for gap in touched:
-            floor_trust[gap] = _less(floor_trust[gap])
-        if not touched:
-            trusts = _less(trusts)
-            floor_trust = floor_trust if trusts.any() else _less(floor_trust)
-    return np.zeros(leg.limb.offsets.shape)
+        elif (floor_trusts[gaps_near] > 0).any():
+            floor_trusts[gaps_near] = _less(floor_trusts[gaps_near])
+        else:
+            break
+    return no_shifts, no_turns
+
+
+def _spread(runs: list[np.ndarray], values: np.ndarray, frames: int) -> np.ndarray:
+    """(T,) each run's value in its frames, 0 elsewhere."""
+    out = np.zeros(frames)
+    for run, value in zip(runs, values, strict=True):
+        out[run] = value
+    return out
+
+
+def _near(runs: list[np.ndarray], frames: np.ndarray, most: float) -> np.ndarray:
+    """(R,) bool: runs of which a frame is at most so many frames from one of `frames`."""
+    return np.array([np.maximum(run[0] - frames, frames - run[-1]).min() <= most for run in runs], bool)
 
 
 def _less(trusts: np.ndarray) -> np.ndarray:
@@ -254,45 +301,17 @@ def _less(trusts: np.ndarray) -> np.ndarray:
     return np.where(trusts * LET_GO > LET_GO**ROUNDS, trusts * LET_GO, 0.0)
 
 
-def _motion_of(leg: _Leg, turns: np.ndarray, fps: float) -> np.ndarray:
-    """(2, T) how fast the leg turns, degrees a second, and how much it accelerates, metres a second squared.
-
-    Of the joint that does so most; the faster of the turns from and to a frame. The hip, which stays, is left out.
-    """
-    rotations, places, end = leg.limb.turned(turns)
-    cosines = np.abs((rotations[1:] * rotations[:-1]).sum(-1))
-    speeds = fps * np.degrees(2 * np.arccos(np.clip(cosines, 0, 1))).max(-1)
-    out = np.zeros((2, len(turns)))
-    out[0, 1:], out[0, :-1] = speeds, np.maximum(out[0, :-1], speeds)
-    moving = np.concatenate([places[:, 1:], end[:, None]], axis=1)
-    out[1, 1:-1] = fps**2 * np.linalg.norm(np.diff(moving, n=2, axis=0), axis=-1).max(-1)
-    return out
-
-
-def _limits(loose: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
-    """(2, T) limits of `_motion_of`: the legs' own maximum in each gap and at its keys, but at least that of a calm
-    motion, times `MORE`. loose: (2, T) `_motion_of` without turns."""
-    limits = np.maximum(loose, np.array([[CALM_DEG_PER_S], [CALM_MPS2]]))
-    for gap in _runs(~known):
-        around = slice(max(gap[0] - 1, 0), gap[-1] + 2)
-        limits[:, around] = np.maximum(limits[:, around], loose[:, around].max(1, keepdims=True))
-    return limits * MORE
-
-
-def _with_legs_turned(pose: SkeletonPose, legs: list[_Leg], turns: list[np.ndarray]) -> SkeletonPose:
-    """The pose with the legs' joints turned and the feet's directions in the world kept."""
-    added = torch.zeros(len(pose), len(pose.skeleton.parents), 3)
+def _with_legs_turned(
+    pose: SkeletonPose, legs: list[_Leg], turns: list[np.ndarray], known: np.ndarray
+) -> SkeletonPose:
+    """The pose with the legs' joints turned in its gaps. The feet and all else keep their directions in the world,
+    but what hangs on a leg beside its chain turns with it."""
+    parents = pose.skeleton.parents
+    rotations = pose.rotations.clone()
     for leg, turn in zip(legs, turns, strict=True):
-        added[:, leg.joints] = torch.as_tensor(turn, dtype=torch.float32)
-    moved = pose.corrected(added, torch.zeros(len(pose), 3))
-    kept = _with_feet_kept(moved, pose.rotations, [leg.ankle for leg in legs])
-    return moved.with_local(kept, moved.roots, moved.offsets)
-
-
-def _with_feet_kept(pose: SkeletonPose, rotations: Tensor, tops: list[int]) -> Tensor:
-    """Local rotations in which the feet have their old directions in the world."""
-    out = pose.local.clone()
-    for joint in tops:
-        above = pose.rotations[:, int(pose.skeleton.parents[joint])]
-        out[:, joint] = multiply(conjugate(above), rotations[:, joint])
-    return out
+        rotations[:, leg.joints] = torch.as_tensor(leg.limb.turned(turn)[0], dtype=torch.float32)
+        for joint in _with_what_hangs_on(parents, leg.joints, [leg.ankle]):
+            if joint not in leg.joints:
+                rotations[:, joint] = multiply(rotations[:, int(parents[joint])], pose.local[:, joint])
+    gaps = np.flatnonzero(~known)
+    return pose.with_rows(gaps, replace(pose, held=rotations, is_global=True).rows(gaps))

@@ -14,7 +14,7 @@ from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from data_schemas.tpc import ClipRow, TpcReader
 from stages.shared.kinematics.forward import positions_of
-from stages.shared.pointcloud.drawn_points import DrawnPoints
+from stages.shared.pointcloud.drawn_points import DrawnPoints, drawn_on_bones
 from stages.shared.pointcloud.sampling import draw_points, spread_points
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.windows import Window, chosen_windows
@@ -128,6 +128,4 @@ def redraw_on_window(window: MovingBones, groups: Tensor, rng: np.random.Generat
 
 
 def _on_window(window: MovingBones, draw: Iterable[Tensor], sigma_m: float) -> DrawnPoints:
-    bones, alphas, offsets = draw
-    groups = torch.from_numpy(window.groups[bones.numpy()].astype(np.int64))
-    return DrawnPoints(bones, alphas, offsets, groups, window.tails, sigma_m)
+    return drawn_on_bones(draw, window.groups, window.tails, sigma_m)

@@ -188,8 +188,9 @@ def _long_runs(flags: np.ndarray, least: int) -> np.ndarray:
     """Flags (T, F) without the runs of True that are shorter than `least`; runs at the ends may be cut, and stay."""
     out = flags.copy()
     for column in range(flags.shape[1]):
-        edges = np.flatnonzero(np.diff(flags[:, column].astype(np.int8))) + 1
-        for run in np.split(np.arange(len(flags)), edges):
-            if flags[run[0], column] and len(run) < least and run[0] > 0 and run[-1] < len(flags) - 1:
-                out[run, column] = False
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(flags[:, column])) + 1, [len(flags)]])
+        lengths = np.diff(starts)
+        short = lengths < least
+        short[[0, -1]] = False
+        out[:, column] &= ~np.repeat(short, lengths)
     return out

@@ -12,7 +12,9 @@ from functools import lru_cache
 import numpy as np
 
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.kinematics.rotations import CONJUGATE, continuous_signs, multiply, multiply_parts, rotate
+from stages.shared.kinematics.rotations import CONJUGATE, continuous_signs, multiply, multiply_parts, rotate_parts
+
+BLOCK_FRAMES = 1024  # computed at a time: what they take stays in a processor's cache
 
 
 def global_rotations(local: np.ndarray, parents: np.ndarray) -> np.ndarray:
@@ -44,27 +46,38 @@ def joint_positions(
     """Heads of all joints in the world, by p_n = p_m + R_m H_n (PC-MRL eq. 1).
 
     Args:
-        rotations: (T, J, 4) global, xyzw. root: (T, 3) or (3,), joint 0 in the world.
+        rotations: (T, J, 4) global, xyzw, float32 or float64. root: (T, 3) or (3,), joint 0 in the world.
         offsets: (J, 3) heads in the parents' frames. parents: (J,), parents before children.
         moving: joints whose head in the parent's frame varies; tracks: (T, K, 3) of them.
 
-    Returns: (T, J, 3) in the offsets' unit and axes.
+    Returns: (T, J, 3) float64 in the offsets' unit and axes.
     """
-    out = np.zeros((len(rotations), len(parents), 3))
-    steps = np.tile(offsets, (len(rotations), 1, 1))
-    if len(moving):
-        steps[:, list(moving)] = tracks
-    out[:, 0] = root
-    for level in _levels(np.asarray(parents, np.int32).tobytes()):
-        above = parents[level]
-        out[:, level] = out[:, above] + rotate(rotations[:, above], steps[:, level])
+    frames, joints = len(rotations), len(parents)
+    levels = _levels(np.asarray(parents, np.int32).tobytes())
+    root = np.broadcast_to(root, (frames, 3))
+    out = np.empty((frames, joints, 3))
+    for start in range(0, frames, BLOCK_FRAMES):
+        block = slice(start, start + BLOCK_FRAMES)
+        turns = np.array(rotations[block].transpose(2, 1, 0), np.float64, order="C")  # components first, time last
+        count = turns.shape[2]
+        steps = np.broadcast_to(offsets.T[..., None], (3, joints, count))
+        if len(moving):
+            steps = steps.copy()
+            steps[:, list(moving)] = np.asarray(tracks)[block].transpose(2, 1, 0)
+        heads = np.empty((3, joints, count))
+        heads[:, 0] = root[block].T
+        for level in levels:
+            above = parents[level]
+            for axis, moved in enumerate(rotate_parts(turns[:, above], steps[:, level])):
+                heads[axis, level] = heads[axis, above] + moved
+        out[block] = heads.transpose(2, 1, 0)
     return out
 
 
 def positions_of(skeleton: Skeleton, motion: Motion) -> np.ndarray:
     """(T, J, 3) float64 joint heads of a motion, metres, in the world."""
     return joint_positions(
-        motion.rotations.astype(np.float64), motion.root_positions, skeleton.offsets, skeleton.parents,
+        motion.rotations, motion.root_positions, skeleton.offsets, skeleton.parents,
         motion.track_joints.tolist(), motion.tracks,
     )  # fmt: skip
 

@@ -12,12 +12,13 @@ only of a body that travels, so only clips with travel are flagged.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
-from stages.shared.kinematics.foot_contacts import find_feet
+from stages.shared.kinematics.foot_contacts import Feet, find_feet
 
 GRAVITY = 9.81
 LOW_PASS_HZ = 12.0
@@ -47,17 +48,20 @@ def rate_is_suspect(features: np.ndarray) -> bool:
     return bool(features[-1] > np.log(LEAST_TRAVEL + TRAVEL_FLOOR) and abs(speed_of(features)) > SUSPECT)
 
 
-def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.ndarray | None:
+def speed_features(
+    skeleton: Skeleton, positions: np.ndarray, fps: float, feet: Feet | None = None
+) -> np.ndarray | None:
     """(6,) the inputs of the regression.
 
     Args:
         positions: (T, J, 3) joints in the world, metres, Y up.
+        feet: the skeleton's, if they are found already.
 
     Returns: None for a clip shorter than a second, one that stands still, or a body without legs.
     """
     positions = positions[: int(LONGEST_S * fps)].astype(np.float64)
     try:
-        leg = find_feet(skeleton).leg_m
+        leg = (feet or find_feet(skeleton)).leg_m
     except InputError:
         return None
     ends = [np.flatnonzero((skeleton.groups == group) & skeleton.sampled)[-1:] for group in range(len(BODY_GROUPS))]
@@ -66,8 +70,10 @@ def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.
     pelvis = positions[:, skeleton.root] / leg
     reaching = positions[:, np.concatenate(ends)] / leg - pelvis[:, None]
     if fps > 3 * LOW_PASS_HZ:
-        smooth = butter(4, LOW_PASS_HZ / (fps / 2), output="sos")
-        pelvis, reaching = (sosfiltfilt(smooth, each, axis=0) for each in (pelvis, reaching))
+        # Imported here: it takes as long as all other imports of the readers, and recordings at 30 Hz do without it.
+        from scipy.signal import sosfiltfilt
+
+        pelvis, reaching = (sosfiltfilt(_low_pass(fps), each, axis=0) for each in (pelvis, reaching))
     velocities, accelerations = np.diff(reaching, axis=0) * fps, np.diff(reaching, 2, axis=0) * fps**2
     speeds, pushes = (np.sqrt(np.square(each).sum(-1).mean(0)) for each in (velocities, accelerations))
     if speeds.mean() < 1e-3:
@@ -84,6 +90,14 @@ def speed_features(skeleton: Skeleton, positions: np.ndarray, fps: float) -> np.
             np.log(travel + TRAVEL_FLOOR),
         ]
     )
+
+
+@lru_cache(maxsize=64)
+def _low_pass(fps: float) -> np.ndarray:
+    """The sections of a Butterworth filter; finding them takes as long as filtering a short clip."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(4, LOW_PASS_HZ / (fps / 2), output="sos"))
 
 
 def design(features: np.ndarray) -> np.ndarray:

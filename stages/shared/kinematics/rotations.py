@@ -93,6 +93,17 @@ def turns_between(first: Tensor, second: Tensor) -> Tensor:
     return turn_vectors(multiply(conjugate(first), second))
 
 
+def angles_between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Angles (...) float64 in radians, 0 to pi, between rotations: unit quaternions (..., 4), which broadcast.
+
+    Unit quaternions that differ by a rotation of angle a have distance 2 sin(a / 4). Unlike the arc cosine of their
+    product, this is exact for small angles.
+    """
+    first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    chord = np.minimum(np.linalg.norm(first - second, axis=-1), np.linalg.norm(first + second, axis=-1))
+    return 4 * np.arcsin(np.minimum(chord / 2, 1))
+
+
 def conjugate(rotations: Array) -> Array:
     """The inverse rotations of unit quaternions (..., 4)."""
     if isinstance(rotations, np.ndarray):
@@ -133,14 +144,17 @@ def rotate(rotations: Array, vectors: Array) -> Array:
         axis, vectors = xp.broadcast_tensors(rotations[..., :3], vectors)
         across = 2 * cross(axis, vectors, dim=-1)
         return vectors + rotations[..., 3:] * across + cross(axis, across, dim=-1)
-    x, y, z, w = (rotations[..., i] for i in range(4))
-    a, b, c = (vectors[..., i] for i in range(3))
-    # v + 2 w (q x v) + 2 q x (q x v), written out, since np.cross alone takes longer than this on small arrays.
+    parts = rotate_parts(np.moveaxis(rotations, -1, 0), np.moveaxis(np.asarray(vectors), -1, 0))
+    return np.stack(parts, axis=-1)
+
+
+def rotate_parts(rotations: np.ndarray, vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The three components of vectors (3, ...) turned by quaternions (4, ...), components first, as `rotate` does."""
+    x, y, z, w = rotations
+    a, b, c = vectors
+    # Written out, since np.cross alone takes longer than this on small arrays.
     p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return np.stack(
-        [a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p],
-        axis=-1,
-    )
+    return a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
 
 
 def unit(rotations: Tensor) -> Tensor:

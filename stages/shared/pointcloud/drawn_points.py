@@ -52,12 +52,32 @@ class DrawnPoints:
         return place_points(heads, rotations, self.bones, self.in_bone)
 
 
+def drawn_on_bones(
+    draw: Iterable[Tensor],
+    groups: np.ndarray | Tensor,
+    tails: np.ndarray | Tensor,
+    sigma_m: float,
+    device: torch.device | str = "cpu",
+) -> DrawnPoints:
+    """A draw of `stages.shared.pointcloud.sampling`, with what the bones give to their points.
+
+    Args:
+        draw: bones, alphas and offsets of P points. groups: (J,) body groups of the bones. tails: (J, 3) metres.
+    """
+    bones, alphas, offsets = (part.to(device) for part in draw)
+    of_points = torch.as_tensor(groups, device=device).long()[bones.long()]
+    return DrawnPoints(
+        bones, alphas, offsets, of_points, torch.as_tensor(tails, dtype=torch.float32, device=device), sigma_m
+    )
+
+
 def draw_on_skeleton(
     skeleton: Skeleton, points: int, rng: np.random.Generator, sigma_m: float, device: torch.device | str = "cpu"
 ) -> DrawnPoints:
     """Points drawn on the sampled bones, each with probability proportional to its length."""
     lengths = np.linalg.norm(skeleton.tails, axis=-1) * skeleton.sampled
-    return _on_skeleton(skeleton, map(torch.as_tensor, draw_points(lengths, points, rng)), sigma_m, device)
+    draw = map(torch.as_tensor, draw_points(lengths, points, rng))
+    return drawn_on_bones(draw, skeleton.groups, skeleton.tails, sigma_m, device)
 
 
 def spread_on_skeleton(
@@ -66,13 +86,5 @@ def spread_on_skeleton(
     """Points spread evenly over the sampled bones; `start` in [0, 1) selects one such spread."""
     lengths = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device).norm(dim=-1)
     lengths = lengths * torch.as_tensor(skeleton.sampled, device=device)
-    return _on_skeleton(skeleton, spread_points(lengths, points, torch.tensor(start, device=device)), sigma_m, device)
-
-
-def _on_skeleton(
-    skeleton: Skeleton, draw: Iterable[Tensor], sigma_m: float, device: torch.device | str
-) -> DrawnPoints:
-    bones, alphas, offsets = (part.to(device) for part in draw)
-    groups = torch.as_tensor(skeleton.groups, device=device).long()[bones.long()]
-    tails = torch.as_tensor(skeleton.tails, dtype=torch.float32, device=device)
-    return DrawnPoints(bones, alphas, offsets, groups, tails, sigma_m)
+    draw = spread_points(lengths, points, torch.tensor(start, device=device))
+    return drawn_on_bones(draw, skeleton.groups, skeleton.tails, sigma_m, device)

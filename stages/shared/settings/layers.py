@@ -141,7 +141,7 @@ def _fault(
         return message
     origin = next((origins[path[:n]] for n in range(len(path), 0, -1) if path[:n] in origins), None)
     fields = [part for part in path if not part.isdecimal()]
-    flag = fields[0].upper() if fields[0] in arguments else "--" + ".".join(fields).replace("_", "-")
+    flag = fields[0].upper() if fields[0] in arguments else "--" + ".".join(fields).rstrip("_").replace("_", "-")
     name, place = (flag, "") if origin in (None, COMMAND_LINE) else (".".join(fields), f" in {origin}")
     if detail["type"] == "missing":
         return f"{flag} is missing"

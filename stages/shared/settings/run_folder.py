@@ -104,7 +104,6 @@ def write_run(request: RunRequest) -> list[Path]:
             listed[folder / source_list_name(node)] = [*read_files, *splits]
     if faults:
         raise UsageError("\n".join(fault.message for fault in faults), faults[0].hint)
-    folder.mkdir(parents=True, exist_ok=True)
     for file, paths in listed.items():
         contents[file] = _source_list(paths, folder / _DIGEST_CACHE)
     return [file for file, text in contents.items() if _write_if_changed(file, text)]

@@ -15,18 +15,19 @@ joint.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from stages.shared.kinematics.rotations import from_turn_vectors, multiply, rotate
+from stages.shared.solve.bending import SecondDerivative
 
 PINNED = 1e9  # precision of turns that must stay zero
-REACH, SOFT = (
-    0.995,
-    0.02,
-)  # of a limb's length: the farthest place, and the length before it over which places move in
+# Of a limb's length: the farthest place, and the length before it over which places move in.
+REACH, SOFT = 0.995, 0.02
 SMALL = 1e-9
+CLOSE_RAD = 3e-4  # a step that is smaller than this is the last one
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,15 @@ class Limb:
     above: np.ndarray
     top: np.ndarray
     offsets: np.ndarray
+
+    def rows(self, rows: slice) -> Limb:
+        """Some of the frames."""
+        return Limb(self.local[rows], self.above[rows], self.top[rows], self.offsets[rows])
+
+    @cached_property
+    def by_itself(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What `turned` gives without turns."""
+        return self.turned(np.zeros(self.offsets.shape))
 
     def turned(self, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Global rotations (T, n, 4), joints' places (T, n, 3) and the end's (T, 3), with turns (T, n, 3) added."""
@@ -63,7 +73,7 @@ def within_reach(limb: Limb, ends: np.ndarray) -> np.ndarray:
     it stops.
     """
     length = np.linalg.norm(limb.offsets, axis=-1).sum(1)
-    own = np.linalg.norm(limb.turned(np.zeros(limb.offsets.shape))[2] - limb.top, axis=-1)
+    own = np.linalg.norm(limb.by_itself[2] - limb.top, axis=-1)
     most = np.maximum(REACH * length, own)
     away = ends - limb.top
     distance = np.linalg.norm(away, axis=-1)
@@ -84,6 +94,7 @@ def solve_limb(
     *,
     noise_m: float,
     span: float,
+    start: np.ndarray | None = None,
     iterations: int = 6,
 ) -> np.ndarray:
     """Turns (T, n, 3) that shift a limb's end.
@@ -91,17 +102,21 @@ def solve_limb(
     Args:
         shifts: (T, 3) wanted of the end in the world, metres.
         prior: (n, 3, 3) precision of the turns, 1 / radians^2.
-        pinned: (T,) bool, frames in which the limb stays as it is.
+        pinned: (T,) bool, frames in which the limb keeps its turns of `start`.
         noise_m: expected distance of the end from its place, metres.
         span: frames over which corrections come and go.
+        start: (T, n, 3) turns to begin with, and the turns of pinned frames; None for no turns. Those of similar
+            shifts save iterations.
     """
     frames, joints = limb.local.shape[:2]
-    turns = np.zeros((frames, joints, 3))
-    ends = within_reach(limb, limb.turned(turns)[2] + shifts)
+    start = np.zeros((frames, joints, 3)) if start is None else start
+    turns = start
+    ends = within_reach(limb, limb.by_itself[2] + shifts)
     own = np.zeros((3 * joints, 3 * joints))
     for joint in range(joints):
         own[3 * joint : 3 * joint + 3, 3 * joint : 3 * joint + 3] = prior[joint]
-    stiff = _second_differences(frames) * span**4
+    derivative = SecondDerivative.at(np.arange(float(max(frames, 2))))
+    stiff = span**4 * derivative.squared(derivative.width)[:, :frames]
     stiff[0] += 1.0
     base = _banded(stiff, own)
     size = 3 * joints
@@ -118,21 +133,10 @@ def solve_limb(
         pull[pinned] = 0.0
         step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
         turns = turns + step
-        if np.abs(step).max() < 1e-4:
+        if np.abs(step).max() < CLOSE_RAD:
             break
-    turns[pinned] = 0.0
+    turns[pinned] = start[pinned]
     return turns
-
-
-def _second_differences(frames: int) -> np.ndarray:
-    """(3, T) diagonal, first and second band of D'D, where D takes second differences."""
-    bands = np.zeros((3, frames))
-    inner = max(frames - 2, 0)
-    for first, weight in enumerate((1.0, -2.0, 1.0)):
-        for second, other in enumerate((1.0, -2.0, 1.0)):
-            if second >= first:
-                bands[second - first, first : first + inner] += weight * other
-    return bands
 
 
 def _times(bands: np.ndarray, values: np.ndarray) -> np.ndarray:

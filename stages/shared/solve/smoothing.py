@@ -8,6 +8,7 @@ from scipy.linalg import solveh_banded
 from torch import Tensor
 
 from stages.shared.kinematics.rotations import turns_between
+from stages.shared.solve.bending import SecondDerivative
 
 PINNED = 1e9  # weight of a value that must not move, against 1 for the others
 SPANS = (0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
@@ -40,26 +41,13 @@ def smooth_corrections(
     if span <= 0 or len(times) < 3:
         return values
     h = np.diff(times)
-    width = (h[:-1] + h[1:]) / 2
-    # The second derivative at inner time i is left * c[i-1] + middle * c[i] + right * c[i+1].
-    left, right = 1 / (h[:-1] * width), 1 / (h[1:] * width)
-    middle = -(left + right)
-    stiff = span**4 * width
-    own = np.concatenate([h[:1] / 2, width, h[-1:] / 2])
+    derivative = SecondDerivative.at(times)
+    stiff = span**4 * derivative.width
+    own = np.concatenate([h[:1] / 2, derivative.width, h[-1:] / 2])
     weight = np.where(pinned, PINNED, own if weights is None else weights)
-    bands = np.zeros((3, len(times)))  # lower form: diagonal, first and second below it
-    bands[0] = weight
-    bands[0, :-2] += stiff * left**2
-    bands[0, 1:-1] += stiff * middle**2
-    bands[0, 2:] += stiff * right**2
-    bands[1, :-2] += stiff * left * middle
-    bands[1, 1:-1] += stiff * middle * right
-    bands[2, :-2] += stiff * left * right
-    wanted = weight[:, None] * values
-    push = stiff[:, None] * bends[1:-1]
-    wanted[:-2] -= left[:, None] * push
-    wanted[1:-1] -= middle[:, None] * push
-    wanted[2:] -= right[:, None] * push
+    bands = derivative.squared(stiff)
+    bands[0] += weight
+    wanted = weight[:, None] * values - derivative.transposed(stiff[:, None] * bends[1:-1])
     return np.where(pinned[:, None], 0.0, solveh_banded(bands, wanted, lower=True))
 
 

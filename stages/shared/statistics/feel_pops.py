@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.rotations import angles_between
 
 TWIST_DEG, TWIST_SHARE = 30.0, 1.5
 JOLT_SHARE = 2.0
@@ -24,10 +25,8 @@ def largest_turn_deg(rotations: np.ndarray, missing: np.ndarray) -> np.ndarray:
     Args:
         rotations: (B, T, J, 4) global quaternions xyzw. missing: (T,) bool; one frame of a pair must be missing.
     """
-    q = np.asarray(rotations, np.float64)
-    cosines = np.abs((q[:, 1:] * q[:, :-1]).sum(-1))
-    turns = np.degrees(2 * np.arccos(np.clip(cosines, 0, 1)))[:, missing[1:] | missing[:-1]]
-    return turns.max(axis=(1, 2)) if turns.size else np.full(len(q), np.nan)
+    turns = np.degrees(angles_between(rotations[:, 1:], rotations[:, :-1]))[:, missing[1:] | missing[:-1]]
+    return turns.max(axis=(1, 2)) if turns.size else np.full(len(turns), np.nan)
 
 
 def largest_acceleration_mps2(positions: np.ndarray, missing: np.ndarray) -> np.ndarray:

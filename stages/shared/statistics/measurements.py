@@ -141,21 +141,25 @@ def measure_lafan1(
     joints: np.ndarray,
     across: np.ndarray,
     deviation: np.ndarray,
+    *,
+    by_root: bool = False,
 ) -> Measurements:
     """LaFAN1's own figures: only missing frames, positions in training deviations (J, 3), windows facing one
     direction.
 
     Args:
         across: (2,) joints at the left and the right hip, which give the heading (see `hip_joints`).
+        by_root: take the heading from the pelvis' own Y axis, as the benchmark does on its rig.
     """
     last_before_gap = int(np.flatnonzero(~truth.known)[0]) - 1
-    turn = facing_turn(truth.positions[:, last_before_gap], across)
+    roots = truth.rotations[:, last_before_gap, truth.root] if by_root else None
+    turn = facing_turn(truth.positions[:, last_before_gap], across, roots)
     missing = ~truth.known
     p, p_true = (turned_vectors(turn, x[:, missing][:, :, joints]) for x in (positions, truth.positions))
-    q, q_true = (
-        continuous_signs(turned_quaternions(turn, x[:, missing][:, :, joints]), axis=1)
-        for x in (rotations, truth.rotations)
-    )
+    q, q_true = (turned_quaternions(turn, x[:, missing][:, :, joints]) for x in (rotations, truth.rotations))
+    # The benchmark's signs go on from the last known frame, which is the same in both, so they agree in the first.
+    q = np.concatenate([aligned_signs(q[:, :1], q_true[:, :1]), q[:, 1:]], axis=1)
+    q, q_true = continuous_signs(q, axis=1), continuous_signs(q_true, axis=1)
     ones = np.ones(len(positions))
     flat, flat_true = (x.reshape(*x.shape[:2], -1) for x in (q, q_true))
     return {
@@ -165,15 +169,18 @@ def measure_lafan1(
     }
 
 
-def position_deviation(windows: np.ndarray, joints: np.ndarray, across: np.ndarray, root: int) -> np.ndarray:
+def position_deviation(
+    windows: np.ndarray, joints: np.ndarray, across: np.ndarray, root: int, roots: np.ndarray | None = None
+) -> np.ndarray:
     """(J, 3) standard deviation of each joint and axis over training windows, as LaFAN1's benchmark takes it.
 
     Args:
         windows: (N, T, all joints, 3) positions; each window is centred on the ground plane and turned to face one
             direction at its tenth frame.
+        roots: (N, T, 4) rotations of the pelvis, where its Y axis gives the heading (see `facing_turn`).
     """
     ground = windows[:, :, root, :].mean(axis=1)[:, None, None] * [1, 0, 1]
-    turn = facing_turn(windows[:, 9], across)
+    turn = facing_turn(windows[:, 9], across, None if roots is None else roots[:, 9])
     centred = turned_vectors(turn, windows[:, :, joints] - ground)
     return np.maximum(centred.std(axis=(0, 1)), LEAST_DEVIATION_M)
 
@@ -186,8 +193,17 @@ def hip_joints(skeleton: Skeleton) -> np.ndarray:
     return np.array([joints[0] for joints in found])
 
 
-def facing_turn(positions: np.ndarray, across: np.ndarray) -> Rotation:
-    """B turns about Y that make bodies (B, J, 3) face +Z, from the line between their hips."""
+def is_lafan1(skeleton: Skeleton) -> bool:
+    """Whether a rig is LaFAN1's own: 22 joints, whose pelvis has its Y axis forward."""
+    return skeleton.joints == 22 and {"Hips", "LeftUpLeg", "Spine2", "RightToe"} <= set(skeleton.names)
+
+
+def facing_turn(positions: np.ndarray, across: np.ndarray, roots: np.ndarray | None = None) -> Rotation:
+    """B turns about Y that make bodies (B, J, 3) face +Z, from the line between their hips; with `roots` (B, 4), the
+    pelvis' rotations, from its Y axis."""
+    if roots is not None:
+        forward = Rotation.from_quat(roots).apply([0.0, 1.0, 0.0])
+        return Rotation.from_rotvec(-np.arctan2(forward[:, 0], forward[:, 2])[:, None] * [0.0, 1.0, 0.0])
     left = positions[:, across[0]] - positions[:, across[1]]
     heading = np.arctan2(-left[:, 2], left[:, 0])  # zero where the left hip lies on +X of the right one
     return Rotation.from_rotvec(-heading[:, None] * [0.0, 1.0, 0.0])

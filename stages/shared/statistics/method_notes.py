@@ -17,6 +17,8 @@ class MeasuredWeights(BaseModel):
     source:  folder or name of the weights.
     data:    the data of their last training.
     digests: SHA-256 of each of their parts: of the checkpoints' content, and of the file of their confidence.
+    minutes: of their last training; None where it is not known.
+    native:  whether any of their trainings used clips of the measured archives; None where it is not known.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
@@ -25,6 +27,8 @@ class MeasuredWeights(BaseModel):
     source: str
     data: TrainingData | None = None
     digests: dict[str, str] = {}
+    minutes: float | None = None
+    native: bool | None = None
 
 
 class MethodFacts(BaseModel):

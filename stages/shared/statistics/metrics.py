@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stages.shared.kinematics.rotations import aligned_signs
+from stages.shared.kinematics.rotations import aligned_signs, angles_between
 
 MILLIMETRES = 1000.0
 
@@ -43,10 +43,7 @@ def acceleration_mm(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 def mpjae_deg(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Mean angle of the rotation between predicted and true joint rotations (geodesic); (...,) degrees."""
-    chord = np.linalg.norm(_difference(aligned_signs(predicted, true), true), axis=-1)
-    # Unit quaternions that differ by a rotation of angle a have distance 2 sin(a / 4); unlike arccos, this is exact
-    # for small angles.
-    return np.degrees(4 * np.arcsin(np.minimum(chord / 2, 1))).mean(axis=(-2, -1))
+    return np.degrees(angles_between(predicted, true)).mean(axis=(-2, -1))
 
 
 def npss(predicted: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

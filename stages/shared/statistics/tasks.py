@@ -6,3 +6,4 @@ TASK_NAMES = ("interpolation", "transition", "prediction")
 INTERPOLATION, TRANSITION, PREDICTION = TASK_NAMES
 RETARGETING = "retargeting"
 RECONSTRUCTION = "reconstruction"
+DENOISING = "denoising"  # no filling: a metrics artefact of it is shown as its page

@@ -12,6 +12,7 @@ from stages.shared.statistics.tasks import INTERPOLATION, TRANSITION
 LEAST_FRAMES = 46  # a clip shorter than this is not measured
 CONTEXT = 15  # known frames on each side of a transition
 LAFAN1_CONTEXT = (10, 1)  # that benchmark's known frames before and after the gap
+LAFAN1_SPAN, LAFAN1_STRIDE = 65, 40  # its windows: so long that every gap fits in one, so many frames apart
 GOLDEN_SHARE = 0.6180339887498949
 
 
@@ -23,6 +24,9 @@ class Task:
     interval: int
     window: int  # frames of a window of interpolation and prediction
     context: tuple[int, int] = (CONTEXT, CONTEXT)
+    stride: int = (
+        0  # a transition's windows begin every so many frames, as LaFAN1's; 0 for windows that do not overlap
+    )
 
     @property
     def frames(self) -> int:
@@ -69,10 +73,16 @@ class Window:
 
 
 def clip_windows(clip: str, clip_frames: int, task: Task) -> list[Window]:
-    """All windows that fit without overlap, spread evenly from the clip's first frame to its last."""
+    """All windows that fit without overlap, spread evenly from the clip's first frame to its last.
+
+    With a stride: those that begin at its multiples, as long as a window of LaFAN1's length fits.
+    """
     frames = task.frames_in(clip_frames)
     if not frames:
         return []
+    if task.stride:
+        last = clip_frames - max(frames, LAFAN1_SPAN)
+        return [Window(clip, start, frames) for start in range(0, max(0, last), task.stride)]
     starts = np.linspace(0, clip_frames - frames, max(1, clip_frames // frames))
     if len(starts) == 1:
         starts = np.array([(clip_frames - frames) // 2])

@@ -228,9 +228,10 @@ class _Run:
         values = self.task.networks.state_dict()
         moving = [name for name, value in values.items() if value.dtype.is_floating_point and decay > 0]
         with torch.no_grad():
-            torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]
-                [self.average[name] for name in moving], [values[name] for name in moving], 1 - decay
-            )
+            if moving:
+                torch._foreach_lerp_(  # pyright: ignore[reportPrivateImportUsage]
+                    [self.average[name] for name in moving], [values[name] for name in moving], 1 - decay
+                )
             for name in values.keys() - moving:
                 self.average[name].copy_(values[name])
 

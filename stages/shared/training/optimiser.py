@@ -1,9 +1,7 @@
 """The optimiser of a training: AdamW for all weights, or Muon for the matrices of layers and AdamW for the rest.
 
-Muon (Jordan et al. 2024) steps by a matrix's momentum with all its singular values made equal, so that directions
-that few windows change move as far as common ones. Its rate is scaled as in Moonlight (Liu et al. 2025, eq. 4), so
-that both optimisers use the same learning rate. AdamW updates embeddings, the last layer and all parameters that are
-not matrices.
+With Muon (`muon.py`) directions that few windows change move as far as common ones; both optimisers use the same
+learning rate. AdamW updates embeddings, the last layer and all parameters that are not matrices.
 """
 
 from __future__ import annotations
@@ -14,8 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from data_schemas.errors import UsageError
 from stages.shared.training.config import TrainingConfig
+from stages.shared.training.muon import Muon
 
 _OF_MUON, _OF_ADAMW = ("momentum_buffer",), ("step", "exp_avg", "exp_avg_sq")
 
@@ -31,10 +29,7 @@ def inner_matrices(networks: nn.Module) -> list[str]:
 
 
 class Optimiser:
-    """Updates a network's parameters by name.
-
-    Raises: UsageError if Muon is selected and this PyTorch has none.
-    """
+    """Updates a network's parameters by name."""
 
     def __init__(self, networks: nn.Module, config: TrainingConfig):
         self.named = dict(networks.named_parameters())
@@ -47,12 +42,7 @@ class Optimiser:
             tuple[torch.optim.Optimizer, tuple[str, ...]]
         ] = []  # each optimiser with the keys of its state
         if matrices:
-            if not hasattr(torch.optim, "Muon"):
-                raise UsageError(
-                    f"PyTorch {torch.__version__} has no Muon.",
-                    "Install torch 2.9 or later, or train with --optimiser adamw.",
-                )
-            muon = torch.optim.Muon(matrices, lr=rate, weight_decay=decay, adjust_lr_fn="match_rms_adamw")
+            muon = Muon(matrices, lr=rate, weight_decay=decay)
             self._parts.append((muon, _OF_MUON))
         if others:
             # Fused, each parameter and its moments are read once from memory, which takes a third of the time.

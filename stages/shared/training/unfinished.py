@@ -29,7 +29,6 @@ from data_schemas.disk import disk_faults_reported
 from data_schemas.errors import InputError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.own_folders import (
-    MARKER_NAME,
     is_own_folder,
     make_own_folder,
     mark_own_folder,
@@ -96,8 +95,8 @@ class Unfinished:
                 make_own_folder(self.folder)
 
     def release(self) -> None:
-        """Remove the folder if nothing was written into it."""
-        if is_own_folder(self.folder) and [each.name for each in self.folder.iterdir()] == [MARKER_NAME]:
+        """Remove the folder if it holds no checkpoint: such a training starts from the beginning anyway."""
+        if is_own_folder(self.folder) and not any(self._checkpoints.glob("step_*/manifest.json")):
             self.forget()
 
     def keep(

@@ -5,7 +5,7 @@ Every batch depends on (seed, step) only, so that resuming needs no generator's 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -56,6 +56,7 @@ class WindowPool:
         balance: the probability of a data set (a clip's archive or folder) is proportional to its frames to this
             power: 1 is by frames, 0 is an equal share for each, as in the authors' code.
         cache_mb: megabytes of frames to keep in memory.
+        skeletons: ids of the sets of bones whose clips are drawn; None for all.
         device: where windows are made. On a CUDA device all frames are kept there if they fit.
 
     Raises: InputError if no clip of the splits is rigid and long enough.
@@ -70,9 +71,12 @@ class WindowPool:
         balance: float = 0.0,
         cache_mb: float = 256,
         device: torch.device = _CPU,
+        skeletons: Collection[str] | None = None,
     ):
         # A rigid clip refers to a set of bones; a dense one has none.
         rows = [row for row in reader.clips if row.split in splits and row.frames >= least_frames and row.skeleton]
+        if skeletons is not None:
+            rows = [row for row in rows if row.skeleton in skeletons]
         if not rows:
             raise InputError(
                 f"The tpc artefact has no rigid clip of {least_frames} frames in {', '.join(splits)}.",

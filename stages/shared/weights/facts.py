@@ -13,6 +13,7 @@ from data_schemas.manifest import Artefact
 from data_schemas.trainings import last_sentence, plain_trainings
 from stages.shared.weights import shipped
 from stages.shared.weights.shipped import CARD_NAME, MEASURED_NAME, default_weights, parts_of, weights_folder
+from stages.shared.weights.task_weights import task_weights
 
 VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "worse": "Bad at"}
 
@@ -46,6 +47,38 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
         "validation": {part: _best(k.log) for part, k in zip(parts, kept, strict=True)},
         "measured": _measured(folder),
         "card": _text(folder / CARD_NAME),
+    }
+
+
+def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
+    """What is known of the weights of one task: plain data, from their checkpoint.
+
+    Returns: name, folder, task, corruption, joints (of the rig), licences, bytes, parameters, trained_on, steps (of
+        all trainings), validation (figures of the steps that were kept) and card (Markdown).
+    Raises: InputError where there are no such weights, or they are damaged.
+    """
+    folder = task_weights(name_or_path)
+    artefact = open_artefact(folder, "checkpoint")
+    kept = read_checkpoint(artefact, optimiser=False)
+    rig = kept.config.get("rig")
+    names = rig.get("skeleton", {}).get("names", []) if isinstance(rig, dict) else []
+    return {
+        "name": folder.name if folder.parent == shipped.SHIPPED else str(name_or_path),
+        "folder": str(folder),
+        "task": str(kept.config.get("task", "")),
+        "corruption": str(kept.config.get("corruption", "")),
+        "joints": len(names),
+        "licences": sorted(artefact.manifest.licences),
+        "bytes": _bytes(artefact),
+        "parameters": sum(value.size for value in kept.weights.values()),
+        "trained_on": last_sentence(kept.trainings),
+        "steps": sum(each.steps for each in kept.trainings),
+        "validation": {
+            name: value
+            for name, value in next((row for row in kept.log if row.get("split") == "val"), {}).items()
+            if name not in ("split", "seconds")
+        },
+        "card": kept.card,
     }
 
 

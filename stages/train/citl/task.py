@@ -2,48 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from data_schemas.errors import InputError
-from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.rest_pose import moved_rest_pose, realign
-from stages.shared.kinematics.rotations import aligned_signs, conjugate, rotate
-from stages.shared.kinematics.window_interpolation import interpolate_windows
+from stages.shared.kinematics.rotations import conjugate, rotate
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
 from stages.shared.training.masks import draw_keys
-from stages.shared.training.task import HELD_BACK_SEED, RowRandom, TrainingTask, step_seed
+from stages.shared.training.pose_windows import (
+    PoseBatch,
+    errors_of,
+    one_hierarchy,
+    pose_batch,
+    shares_of_base,
+    validation_batches,
+)
+from stages.shared.training.task import RowRandom, TrainingTask
 from stages.shared.training.windows import WindowPool, Windows
 from stages.train.citl.config import Config
-
-_VALIDATION_WINDOWS = 32
-_LEAST = 1e-6  # under the root: keeps the slope finite if prediction equals truth
-
-
-@dataclass
-class PoseBatch:
-    """Windows, the plain interpolation of their known frames, known and valid (B, T)."""
-
-    truth: PoseWindows
-    base: PoseWindows
-    known: Tensor
-    valid: Tensor
-
-    def to(self, device: torch.device) -> PoseBatch:
-        return PoseBatch(
-            _moved(self.truth, device), _moved(self.base, device), self.known.to(device), self.valid.to(device)
-        )
-
-
-def pose_batch(windows: Windows, known: Tensor) -> PoseBatch:
-    """Windows with the plain interpolation of their known frames (B, T)."""
-    base = interpolate_windows(windows.heads, windows.rotations, windows.parents, known, rate_hz=MODEL_FPS)
-    truth = PoseWindows(windows.heads, windows.rotations, windows.tails)
-    return PoseBatch(truth, PoseWindows(*base, windows.tails), known, windows.valid)
 
 
 class PoseDrawer:
@@ -94,7 +74,7 @@ class InterpolatorTask(TrainingTask[PoseInterpolator]):
         one_hierarchy(held_back)
         torch.manual_seed(config.seed)
         self.networks = PoseInterpolator(self.parents.tolist(), self.groups.tolist(), config.network).to(device)
-        self.held_back = list(self._validation(held_back))
+        self.held_back = validation_batches(held_back, config.window)
 
     def drawer(self, *, elsewhere: bool = False) -> PoseDrawer:
         return self._drawer
@@ -105,15 +85,6 @@ class InterpolatorTask(TrainingTask[PoseInterpolator]):
     def weight(self, batch: PoseBatch, rows: int) -> float:
         """The loss is a mean over missing frames."""
         return float((batch.valid & ~batch.known).sum())
-
-    def _validation(self, pool: WindowPool):
-        """The same held-back windows with keys every 5, 15 and 30 frames."""
-        config = self.config
-        windows = pool.draw(_VALIDATION_WINDOWS, config.window, step_seed(HELD_BACK_SEED, 5, 0), augment=False)
-        frames = torch.arange(config.window)
-        last = windows.valid.sum(1, keepdim=True) - 1
-        for every in (5, 15, 30):
-            yield str(every), pose_batch(windows, ((frames % every == 0) | (frames == last)) & windows.valid)
 
     def _made(self, batch: PoseBatch) -> PoseWindows:
         times = torch.arange(float(batch.known.shape[1]), device=self.device).unsqueeze(0)
@@ -137,33 +108,5 @@ class InterpolatorTask(TrainingTask[PoseInterpolator]):
         shares: dict[str, float] = {}
         for every, batch in self.held_back:
             batch = batch.to(self.device)
-            made, base = errors_of(self._made(batch), batch), errors_of(batch.base, batch)
-            shares |= {f"{name}_of_base_{every}": float(made[name] / base[name].clamp_min(1e-9)) for name in made}
+            shares |= shares_of_base(self._made(batch), batch, every)
         return {"score": float(np.mean(list(shares.values()))), **shares}
-
-
-def errors_of(found: PoseWindows, batch: PoseBatch) -> dict[str, Tensor]:
-    """Mean over missing frames of the 2-norms of the errors of positions (metres) and of rotations, scalars."""
-    missing = batch.valid & ~batch.known
-    true = batch.truth.rotations
-    squares = {
-        "l2p": (found.heads - batch.truth.heads).square().sum((-2, -1)),
-        "l2q": (aligned_signs(found.rotations, true) - true).square().sum((-2, -1)),
-    }
-    roots = {name: (square + _LEAST).sqrt() - _LEAST**0.5 for name, square in squares.items()}
-    return {name: (root * missing).sum() / missing.sum().clamp_min(1) for name, root in roots.items()}
-
-
-def one_hierarchy(pool: WindowPool) -> tuple[np.ndarray, np.ndarray]:
-    """Parents and body groups (J,) of the pool's skeletons, which must agree. Raises InputError otherwise."""
-    parents, groups = pool.parents.numpy(), pool.groups.numpy()
-    if (parents != parents[0]).any() or (groups != groups[0]).any():
-        raise InputError(
-            f"The tpc artefact holds {len(parents)} skeletons of different hierarchies; pose space is of one.",
-            "Adapt all motions to one skeleton first: pumps train skeleton, pumps decode --method network.",
-        )
-    return parents[0], groups[0]
-
-
-def _moved(windows: PoseWindows, device: torch.device) -> PoseWindows:
-    return PoseWindows(windows.heads.to(device), windows.rotations.to(device), windows.tails.to(device))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -99,8 +100,10 @@ class KeptWindows:
         self.folder = folder
 
     def put(self, step: int, rows: Sequence[int], batch: LatentBatch) -> None:
-        """Keep the windows that some rows drew at a step. Raises PumpsError if they cannot be written."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        """Keep the windows that some rows drew at a step.
+
+        Raises: PumpsError if they cannot be written; nothing of them is left.
+        """
         path = self._path(step, rows)
         unfinished = path.with_suffix(f".{os.getpid()}")
         held = {each.name: getattr(batch, each.name).detach().cpu().contiguous() for each in fields(batch)}
@@ -108,13 +111,16 @@ class KeptWindows:
         held |= {name: held[name].half() for name in ("latents", "base_latents")}
         held["groups"] = held["groups"].to(torch.uint8)
         try:
+            self.folder.mkdir(parents=True, exist_ok=True)
             save_file(held, unfinished)
-        except SafetensorError as error:
+            os.replace(unfinished, path)
+        except (OSError, SafetensorError) as error:
+            with suppress(OSError):
+                unfinished.unlink()
             raise PumpsError(
                 f"Encoded windows cannot be kept in {self.folder}: {error}.",
-                "Make room on the disk, or lower kept_windows; the same command then goes on.",
+                "Free space on that disk, or lower --kept-windows; the same command then goes on.",
             ) from None
-        os.replace(unfinished, path)
 
     def holds(self, step: int, rows: Sequence[int]) -> bool:
         """Whether these rows' draw of a step is kept."""

@@ -100,7 +100,11 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
     def loss(self, batch: FillBatch | KeptBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Root mean square errors of frames; with squares only long gaps would be learnt. The clouds' error is the
         error that a user sees; the latents' error (PUMPS 3.3) also counts features that the decoder does not use."""
-        made, base = self._errors(self._latents_of(batch))
+        return self.loss_of(self._latents_of(batch))
+
+    def loss_of(self, batch: LatentBatch) -> tuple[Tensor, dict[str, Tensor]]:
+        """The loss of encoded windows."""
+        made, base = self._errors(batch)
         value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
         return value, {f"{name}_of_base": made[name].detach() / base[name] for name in made}
 

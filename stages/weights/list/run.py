@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.facts import facts_of
+from stages.shared.weights.facts import facts_of, task_facts_of
 from stages.shared.weights.shipped import shipped_weights
+from stages.shared.weights.task_weights import shipped_task_weights
 from stages.weights.list.config import Config
 
 
@@ -23,9 +24,16 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             f"{'':12}trained on {facts['trained_on']}",
             *[f"{'':12}licence: {licence}" for licence in facts["licences"]],
         ]
-    lines.append("More of one: pumps weights show NAME" if known else "No weights are shipped.")
+    tasks = {name: task_facts_of(name) for name in shipped_task_weights()}
+    for name, facts in tasks.items():
+        lines += [
+            f"{name:12}{facts['bytes'] / 1e6:5.1f} MB  for the task {facts['task']}, rig of {facts['joints']} joints",
+            f"{'':12}trained on {facts['trained_on']}",
+            *[f"{'':12}licence: {licence}" for licence in facts["licences"]],
+        ]
+    lines.append("More of one: pumps weights show NAME" if known or tasks else "No weights are shipped.")
     shown = {
         name: {key: value for key, value in facts.items() if key not in ("card", "measured")}
-        for name, facts in known.items()
+        for name, facts in (known | tasks).items()
     }
     return StageReport(lines=lines, figures={"weights": shown})

@@ -21,4 +21,7 @@ class Config(WritingConfig):
         description="The metrics artefact of this run (`pumps evaluate`); the card then states what the weights are "
         "good and bad at.",
     )
+    licence: tuple[str, ...] = Field(
+        (), description="Licence of sources that stated none (`unknown`) when they were read, and are known now."
+    )
     method: str = Field("pumps", description="Name of these weights in the metrics artefact.")

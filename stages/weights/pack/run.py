@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
@@ -16,7 +16,7 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import read_metrics
 from stages.shared.contract import StageReport
-from stages.shared.outputs import check_folder, write_output
+from stages.shared.outputs import check_artefact, check_folder, write_output
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.feel_tables import LEGEND, feel_markdown
 from stages.shared.statistics.measurements import TRUTH
@@ -24,8 +24,10 @@ from stages.shared.statistics.tables import baseline_of, cells, overview, scopes
 from stages.shared.statistics.tasks import TASK_NAMES
 from stages.shared.weights.facts import VERDICT_WORDS, verdicts
 from stages.shared.weights.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
+from stages.shared.weights.task_weights import is_of_task
 from stages.weights.pack.config import Config
 
+UNKNOWN = "unknown"  # as `pumps ingest` has it where no licence was stated
 _LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
 
 
@@ -37,6 +39,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError if the run has no finished networks, they do not belong together, or other weights were
         measured.
     """
+    if is_of_task(config.run):
+        return pack_task(config, progress)
     check_folder(config)
     progress.start("packing", 2)
     ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.run)))
@@ -56,7 +60,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     confidence = weights_folder(config.run) / CONFIDENCE_NAME
     if confidence.is_file():
         write_output(config.output / CONFIDENCE_NAME, confidence.read_bytes())
-    licences = sorted({*ae.manifest.licences, *lms.manifest.licences})
+    licences = sorted({*_licences(ae, config.licence), *_licences(lms, config.licence)})
     card = _card(name, autoencoder, synthesiser, licences, measured, table)
     write_output(config.output / MEASURED_NAME, (json.dumps(measured, indent=1) + "\n").encode("utf-8"))
     write_output(config.output / CARD_NAME, card.encode("utf-8"))
@@ -64,6 +68,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     return StageReport(
         output=config.output,
         lines=[f"Packed {name}: {size / 1e6:.1f} MB in {config.output}."],
+        figures={"bytes": size},
+    )
+
+
+def pack_task(config: Config, progress: Progress) -> StageReport:
+    """Copy the network of one task without the optimiser's state, in half precision."""
+    check_artefact(config, "checkpoint")
+    progress.start("packing", 1)
+    source = open_artefact(config.run, "checkpoint")
+    kept = _read(source)
+    if config.licence:
+        lines = "\n".join(f"  - {licence}" for licence in config.licence)
+        kept = replace(kept, card=kept.card.replace(f"  - {UNKNOWN}", lines))
+    measured = min(
+        (row for row in kept.log if row.get("split") == "val"), key=lambda row: row.get("mpjpe_mm", 0.0), default=None
+    )
+    packed = _pack(config, "", replace(kept, log=[measured] if measured is not None else []), source, logged=None)
+    progress.advance()
+    size = sum(path.stat().st_size for path in packed.folder.iterdir())
+    return StageReport(
+        output=config.output,
+        lines=[f"Packed {config.name or config.output.name}: {size / 1e6:.1f} MB in {config.output}."],
         figures={"bytes": size},
     )
 
@@ -76,24 +102,32 @@ def _read(source: Artefact) -> Checkpoint:
     return found
 
 
-def _pack(config: Config, part: str, kept: Checkpoint, source: Artefact) -> Artefact:
+def _pack(
+    config: Config, part: str, kept: Checkpoint, source: Artefact, logged: Sequence[str] | None = _LOGGED
+) -> Artefact:
     width = np.float16 if config.half else np.float32
     path = config.output / part
     trained = _without_places(source.manifest.config)
     settings = {"half": config.half, "trained": trained, "digest": source.manifest.digest}
     with write_artefact(
-        path, "checkpoint", stage="weights-pack", config=settings, licences=source.manifest.licences
+        path, "checkpoint", stage="weights-pack", config=settings, licences=_licences(source, config.licence)
     ) as draft:
         write_checkpoint(
             draft.folder,
             weights={name: value.astype(width) for name, value in kept.weights.items()},
             config=kept.config,
             optimiser=None,
-            log=[{name: row[name] for name in _LOGGED if name in row} for row in kept.log],
+            log=[{name: row[name] for name in logged or row if name in row} for row in kept.log],
             card=kept.card,
             trainings=kept.trainings,
         )
     return open_artefact(path, "checkpoint")
+
+
+def _licences(source: Artefact, known: Sequence[str]) -> list[str]:
+    """The licences of the sources; with `known`, those in place of the one that was unknown."""
+    stated = {each for each in source.manifest.licences if each != UNKNOWN or not known}
+    return sorted({*stated, *(known if UNKNOWN in source.manifest.licences else ())})
 
 
 def _places(settings: Any) -> Iterator[tuple[str, str]]:

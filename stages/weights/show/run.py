@@ -6,7 +6,8 @@ from typing import Any
 
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.facts import VERDICT_WORDS, facts_of, verdicts
+from stages.shared.weights.facts import VERDICT_WORDS, facts_of, task_facts_of, verdicts
+from stages.shared.weights.task_weights import is_of_task
 from stages.weights.show.config import Config
 
 
@@ -15,6 +16,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError if there are no such weights, or they are damaged.
     """
+    if is_of_task(config.name):
+        return _of_task(config)
     facts = facts_of(config.name)
     parameters = facts["parameters"]
     lines = [
@@ -27,6 +30,21 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         *[f"  {licence}" for licence in facts["licences"] or ["none stated"]],
         *_validation_lines(facts["validation"]),
         *_measured_lines(facts["measured"]),
+    ]
+    return StageReport(lines=lines, figures=facts)
+
+
+def _of_task(config: Config) -> StageReport:
+    facts = task_facts_of(config.name)
+    figures = ", ".join(f"{name} {value:.4g}" for name, value in facts["validation"].items())
+    lines = [
+        f"{facts['name']}: {facts['bytes'] / 1e6:.1f} MB in {facts['folder']}; {facts['parameters'] / 1e6:.1f} M "
+        "parameters.",
+        f"For the task {facts['task']} ({facts['corruption']}), on a rig of {facts['joints']} joints.",
+        f"Trained on {facts['trained_on']}; {facts['steps']} steps.",
+        "Licences of the data, which the weights carry:",
+        *[f"  {licence}" for licence in facts["licences"] or ["none stated"]],
+        *([f"Validation: {figures}."] if figures else []),
     ]
     return StageReport(lines=lines, figures=facts)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -58,17 +59,40 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_files_come_out_as_they_were_and_stale_ones_go(motion: Path, tmp_path: Path):
-    for name in ("old", "mine"):
-        (tmp_path / f"{name}.bvh").write_text("stale")
-    (tmp_path / "clips.txt").write_text("old.bvh\n../mine.bvh\n")
+    run(Config(motion=motion, output=tmp_path / "picked"))
     with pytest.raises(UsageError, match="exists"):
-        run(Config(motion=motion, output=tmp_path))
-    report = run(Config(motion=motion, output=tmp_path, overwrite=True))
-    assert not (tmp_path / "old.bvh").exists(), "an earlier pick"
-    (tmp_path / "mine.bvh").unlink()  # no earlier pick, so it stayed
-    assert (tmp_path / "clips.txt").read_text().splitlines() == [f"{name}.bvh" for name in report.figures["clips"]]
-    found = {path.read_bytes() for path in tmp_path.glob("*.bvh")}
-    assert found == {(CLIPS / f"{name}.bvh").read_bytes() for name in ("jump", "kick")}
+        run(Config(motion=motion, output=tmp_path / "picked"))
+    found = {path.name: path.read_bytes() for path in (tmp_path / "picked").glob("*.bvh")}
+    assert sorted(found.values()) == sorted((CLIPS / f"{name}.bvh").read_bytes() for name in ("jump", "kick"))
+    report = run(Config(motion=motion, output=tmp_path / "picked", count=1, overwrite=True))
+    kept = [f"{name}.bvh" for name in report.figures["clips"]]
+    assert (tmp_path / "picked" / "clips.txt").read_text().splitlines() == kept
+    assert [path.name for path in (tmp_path / "picked").glob("*.bvh")] == kept
+    assert report.figures["removed"] == sorted({*found} - {*kept})
+
+
+def test_no_file_goes_that_pumps_did_not_write(motion: Path, tmp_path: Path):
+    """Files that a list names, a clip that was edited, a link in its place, paths out of the folder."""
+    folder = tmp_path / "picked"
+    first = run(Config(motion=motion, output=folder))
+    (kept,) = run(Config(motion=motion, output=tmp_path / "one", count=1)).figures["clips"]
+    (edited,) = {*first.figures["clips"]} - {kept}
+    (folder / f"{edited}.bvh").write_text("edited by hand")
+    (tmp_path / "outside.bvh").write_text("mine")
+    (folder / "mine.bvh").write_text("mine")
+    (folder / "target.bvh").write_text("mine")
+    (folder / "link.bvh").symlink_to("target.bvh")
+    digest = hashlib.sha256(b"mine").hexdigest()
+    with open(folder / ".clips.sha256", "a") as digests:
+        digests.write(f"{digest}  ../outside.bvh\n{digest}  {tmp_path}/outside.bvh\n{digest}  link.bvh\n")
+    with open(folder / "clips.txt", "a") as names:
+        names.write("mine.bvh\n../outside.bvh\n")
+    report = run(Config(motion=motion, output=folder, count=1, overwrite=True))
+    assert report.figures["removed"] == []
+    assert (folder / f"{edited}.bvh").read_text() == "edited by hand"
+    assert (tmp_path / "outside.bvh").read_text() == (folder / "mine.bvh").read_text() == "mine"
+    assert (folder / "link.bvh").is_symlink()
+    assert f"{edited}.bvh" in report.lines[1] and "mine.bvh" in report.lines[1] and "outside" not in report.lines[1]
 
 
 def test_no_clip_of_the_split_is_bad_input(motion: Path, tmp_path: Path):

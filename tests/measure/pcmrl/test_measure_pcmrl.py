@@ -16,13 +16,13 @@ from data_schemas.metrics import MetricRow, read_metrics
 from data_schemas.tpc import BoneSet, TpcReader, TpcWriter
 from stages.measure.pcmrl import paper
 from stages.measure.pcmrl.config import Config
-from stages.measure.pcmrl.named import category_of, named
 from stages.measure.pcmrl.retargeting import ORIGINAL, end_distance
 from stages.measure.pcmrl.run import run
 from stages.shared.inference.pose_filling import load_interpolator
 from stages.shared.networks.layers.sizes import InterpolatorSizes
 from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.statistics import metrics
+from stages.shared.statistics.categories import category_of, named
 from stages.train.citl.config import Config as TrainConfig
 from stages.train.citl.run import run as train
 from tests.shared.training.tiny_clouds import GROUPS, PARENTS, TAILS, swinging, write_clouds

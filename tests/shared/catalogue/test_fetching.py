@@ -189,7 +189,7 @@ def test_the_servers_refusal_is_reported(server, tmp_path: Path):
 
 def test_too_little_space_is_reported_before_any_request(server, tmp_path: Path):
     behaviour, url = server
-    with pytest.raises(PumpsError, match="left"):
+    with pytest.raises(PumpsError, match="free"):
         _fetch(_file(url, bytes=10**18), tmp_path)
     assert behaviour.asked == []
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +12,7 @@ import pygltflib as g
 from scipy.spatial.transform import Rotation
 
 from tests.shared.formats.bvh_texts import HUMANOID
+from tests.shared.formats.glb_bytes import glb_with, parts_of_glb
 
 NAMES = [name for name, *_ in HUMANOID]
 
@@ -143,12 +143,7 @@ class GltfText:
 
 def edited(text: GltfText, change: Callable[[Any], object]) -> bytes:
     """The GLB with its JSON changed."""
-    data = text.data()
-    length = struct.unpack_from("<I", data, 12)[0]
-    scene = json.loads(data[20 : 20 + length])
+    inner, rest = parts_of_glb(text.data())
+    scene = json.loads(inner)
     change(scene)
-    inner = json.dumps(scene).encode()
-    inner += b" " * (-len(inner) % 4)
-    rest = data[20 + length :]
-    head = struct.pack("<IIIII", 0x46546C67, 2, 20 + len(inner) + len(rest), len(inner), 0x4E4F534A)
-    return head + inner + rest
+    return glb_with(json.dumps(scene).encode(), rest)

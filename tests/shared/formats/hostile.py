@@ -20,6 +20,7 @@ from stages.shared.formats.robot_table import ROOT_COLUMNS
 from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
+from tests.shared.formats.glb_bytes import glb_with
 from tests.shared.formats.gltf_files import GltfText
 from tests.shared.formats.robot_files import ANGLES, RobotText, csv_of, some_rows
 
@@ -164,26 +165,26 @@ def _amass(rng: np.random.Generator) -> tuple[bytes, bytes]:
 
 @lru_cache(maxsize=1)
 def _places() -> tuple[tuple[str, ...], np.ndarray]:
-    from tests.shared.formats.test_positions import NAMES, PLACES
+    from tests.shared.formats.position_files import NAMES, PLACES
 
     return NAMES, PLACES[:3]
 
 
 def _positions(rng: np.random.Generator) -> tuple[bytes, bytes]:
-    from tests.shared.formats.test_positions import _csv, _npy
+    from tests.shared.formats.position_files import csv_of_places, npy_of
 
     names, places = _places()
     rig = BvhText(frames=1).data()
     kind = rng.integers(0, 4)
     if kind == 0:
-        return mutated(_csv(list(names), places, fps=30), rng, WORDS + OWN_WORDS["positions"] * 2), rig
+        return mutated(csv_of_places(list(names), places, fps=30), rng, WORDS + OWN_WORDS["positions"] * 2), rig
     if kind == 1:
-        data = _npy(_odd_array(places, rng)) if rng.random() < 0.7 else mutated(_npy(places), rng, WORDS)
+        data = npy_of(_odd_array(places, rng)) if rng.random() < 0.7 else mutated(npy_of(places), rng, WORDS)
         return data, rig if rng.random() < 0.5 else mutated(rig, rng, WORDS + OWN_WORDS["bvh"])
     parents = np.array([-1, 0, 1, 2, 3, 2, 5, 6, 7, 2, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19])
     if kind == 2:
         sidecar = json.dumps({"names": list(names), "parents": parents.tolist(), "fps": 30}).encode()
-        return _npy(places), mutated(sidecar, rng, WORDS)
+        return npy_of(places), mutated(sidecar, rng, WORDS)
     return _odd_npz(
         {"positions": places, "names": np.array(names), "parents": parents, "fps": np.array(30)}, rng
     ), b""
@@ -231,10 +232,7 @@ def _poke(tree: Any, rng: np.random.Generator) -> None:
 
 
 def a_glb(scene: dict, rest: bytes) -> bytes:
-    text = json.dumps(scene).encode()
-    text += b" " * (-len(text) % 4)
-    head = struct.pack("<III", 0x46546C67, 2, 20 + len(text) + len(rest))
-    return head + struct.pack("<II", len(text), 0x4E4F534A) + text + rest
+    return glb_with(json.dumps(scene).encode(), rest)
 
 
 TARGETS = {

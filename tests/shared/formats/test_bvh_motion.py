@@ -195,7 +195,7 @@ def test_key_rows_alone_give_the_same_skeleton() -> None:
 def test_long_clips_computed_in_blocks_give_the_same_result(monkeypatch: pytest.MonkeyPatch) -> None:
     text = BvhText(frames=50, z_up=True)
     _, _, whole, _ = _read(text)
-    monkeypatch.setattr("stages.shared.formats.source_body._BLOCK", 7)
+    monkeypatch.setattr("stages.shared.formats.source_body.BLOCK_FRAMES", 7)
     _, _, blocks, _ = _read(text)
     assert np.array_equal(blocks.rotations, whole.rotations)
     assert (np.sum(blocks.rotations[1:] * blocks.rotations[:-1], axis=-1) >= 0).all()

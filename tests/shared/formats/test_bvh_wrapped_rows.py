@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import InputError
+from data_schemas.notes import Flag
 from stages.shared.formats.bvh import read_bvh
 from tests.shared.formats.bvh_texts import BvhText
 
@@ -38,6 +39,16 @@ def test_rows_that_each_begin_on_a_new_line_are_put_together(size):
 def test_lines_of_one_length_are_put_together(size):
     flat = [word for row in words() for word in row]
     assert np.array_equal(read_bvh(with_lines(chunks(flat, size)), "wrapped").values, WHOLE.values)
+
+
+def test_rows_that_were_put_together_are_reported():
+    lines = [part for row in words() for part in chunks(row, 10)]
+    (said,) = read_bvh(with_lines(lines), "wrapped").warnings
+    assert said.flag is Flag.ROWS_JOINED and f"{FRAMES} rows stand on {len(lines)} lines" in str(said)
+    flat = [word for row in words() for word in row]
+    (said,) = read_bvh(with_lines(chunks(flat, 2 * COLUMNS)), "two on a line").warnings
+    assert f"{FRAMES} rows stand on {FRAMES // 2} lines" in str(said)
+    assert WHOLE.warnings == []
 
 
 @pytest.mark.parametrize("lacking, longer", [(2, 9), (0, 1), (9, 2), (3, 11)])

@@ -20,8 +20,8 @@ from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.hostile import a_glb, a_scene
+from tests.shared.formats.position_files import npy_of
 from tests.shared.formats.robot_files import ANGLES, RobotText, csv_of, some_rows
-from tests.shared.formats.test_positions import _npy
 
 _FREE_BYTES, _TIMES_SIZE = 64 << 20, 10
 _REFERENCE_S = 0.1  # what `_slowness` measures where the limits below were set
@@ -117,7 +117,7 @@ SAMPLES: dict[str, tuple[str, Callable[[], bytes], bytes]] = {
     "deepmimic: brackets": ("deepmimic", lambda: b'{"Frames":' + b"[" * 500_000, b""),
     "deepmimic: lists": ("deepmimic", lambda: b'{"Frames":[' + b"[]," * 200_000 + b"[]]}", b""),
     "deepmimic: rows": ("deepmimic", lambda: json.dumps({"Frames": [[0.03] + [1] * 43] * 3000}).encode(), b""),
-    "positions: bytes": ("positions", lambda: _npy(_RNG.integers(-90, 90, (6_000, 21, 3)).astype(np.int8)), _RIG),
+    "positions: bytes": ("positions", lambda: npy_of(_RNG.integers(-90, 90, (6_000, 21, 3)).astype(np.int8)), _RIG),
     "positions: one joint of many": ("positions", lambda: b"Hips.x,Hips.y,Hips.z\n" + b"1,2,3\n" * 100_000, _RIG),
     "positions: columns": ("positions", lambda: b",".join(b"a%d.x" % i for i in range(150_000)), _RIG),
     "positions: joints in a line": (

@@ -12,7 +12,8 @@ from stages.shared.formats.readers import recognise
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.amass_files import npz
-from tests.shared.formats.test_positions import _csv, _npy, _posed
+from tests.shared.formats.position_files import csv_of_places, npy_of, posed_list
+from tests.shared.formats.trc_files import trc_of
 
 FRAMES = 12
 LIMBS = [f"{side}_{part}" for side in ("left", "right") for part in ("elbow", "wrist", "knee", "ankle", "hip")]
@@ -22,7 +23,7 @@ POSE2SIM += " RShoulder RElbow RWrist LShoulder LElbow LWrist"
 
 def _landmarks(title: str) -> np.ndarray:
     """(T, K, 3) metres: what a list's data hold of a figure that bends its limbs a little; K in the list's order."""
-    places = _posed(title, np.random.default_rng(0), FRAMES)
+    places = posed_list(title, np.random.default_rng(0), FRAMES)
     names = [name for name, *_ in LISTS[title]()]
     for joint, (first, second) in MIDPOINTS[title].items():
         wanted = places[:, names.index(joint)]
@@ -53,25 +54,10 @@ def _off_m(recording: Recording, names: list[str], places: np.ndarray) -> float:
     return float(np.linalg.norm(positions_of(recording.skeleton, recording.motion)[:, order] - places, axis=-1).max())
 
 
-def _trc(names: list[str], places: np.ndarray, units: str = "m", rate: str = "50", blank_line: bool = True) -> bytes:
-    heads = [
-        "PathFileType\t4\t(X/Y/Z)\twalk.trc",
-        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
-        f"{rate}\t{rate}\t{len(places)}\t{len(names)}\t{units}\t{rate}\t1\t{len(places)}",
-        "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
-        "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(len(names)) for axis in "XYZ"),
-    ]
-    rows = [
-        "\t".join([str(i + 1), f"{i / 50:.6f}", *("" if np.isnan(v) else repr(float(v)) for v in frame.reshape(-1))])
-        for i, frame in enumerate(places)
-    ]
-    return "\r\n".join([*heads, *([""] if blank_line else []), *rows, ""]).encode()
-
-
 @pytest.mark.parametrize("title", MIDPOINTS)
 def test_landmarks_are_read_with_hip_and_neck_as_midpoints(title: str) -> None:
     places, names = _landmarks(title), measured_joints(title)
-    by_place = _read(_npy(places), rig_name=title)
+    by_place = _read(npy_of(places), rig_name=title)
     of = {name: places[:, i] for i, name in enumerate(names)}
     for joint, (first, second) in MIDPOINTS[title].items():
         if joint not in names:
@@ -79,7 +65,7 @@ def test_landmarks_are_read_with_hip_and_neck_as_midpoints(title: str) -> None:
     assert _off_m(by_place, LIMBS, np.stack([of[name] for name in LIMBS], axis=1)) < 0.02
     columns = [f"body_{name}" for name in names]
     shuffled = np.random.default_rng(1).permutation(len(names))
-    by_name = _read(_csv([columns[i] for i in shuffled], places[:, shuffled], "{}_{}"))
+    by_name = _read(csv_of_places([columns[i] for i in shuffled], places[:, shuffled], "{}_{}"))
     assert by_name.skeleton.names == by_place.skeleton.names
     assert np.allclose(by_name.motion.rotations, by_place.motion.rotations, atol=1e-5)
     groups = np.bincount(by_place.skeleton.groups[by_place.skeleton.sampled], minlength=5)
@@ -88,17 +74,17 @@ def test_landmarks_are_read_with_hip_and_neck_as_midpoints(title: str) -> None:
 
 
 def test_feet_end_at_the_toes() -> None:
-    recording = _read(_npy(_landmarks("mediapipe33")), rig_name="mediapipe33")
+    recording = _read(npy_of(_landmarks("mediapipe33")), rig_name="mediapipe33")
     sampled = {name for name, here in zip(recording.skeleton.names, recording.skeleton.sampled, strict=True) if here}
     assert {"left_toe", "right_toe"} <= sampled and not {"left_heel", "right_heel"} & sampled
 
 
 def test_a_list_is_named_by_its_count() -> None:
     with pytest.raises(InputError, match="no joint names and parents") as caught:
-        _read(_npy(_landmarks("mediapipe33")))
+        _read(npy_of(_landmarks("mediapipe33")))
     assert "mediapipe33" in (caught.value.hint or "") and "coco17" not in (caught.value.hint or "")
     with pytest.raises(InputError) as caught:
-        _read(_npy(_landmarks("coco17")))
+        _read(npy_of(_landmarks("coco17")))
     assert "h36m17, coco17" in (caught.value.hint or "")
 
 
@@ -106,7 +92,7 @@ def test_a_list_is_named_by_its_count() -> None:
 @pytest.mark.parametrize("blank_line", [True, False])
 def test_trc(units: str, scale: float, blank_line: bool) -> None:
     places, names = _landmarks("halpe26"), measured_joints("halpe26")
-    data = _trc(names, places * scale, units, blank_line=blank_line)
+    data = trc_of(names, places * scale, units, blank_line=blank_line)
     chosen = recognise(data, "walk.bin")
     assert chosen is not None and chosen.name == "positions"
     recording = _read(data)
@@ -121,7 +107,7 @@ def test_the_markers_of_pose2sim_are_read_without_a_hip() -> None:
         plain[{"R": "right", "L": "left"}[each[0]] + each[1:].lower()] if each[1].isupper() else plain[each.lower()]
         for each in POSE2SIM.split()
     ]
-    recording = _read(_trc(POSE2SIM.split(), places[:, order]))
+    recording = _read(trc_of(POSE2SIM.split(), places[:, order]))
     assert {"hip", "neck", "head", "left_big_toe"} <= set(recording.skeleton.names)
     assert not {"left_eye", "right_ear"} & set(recording.skeleton.names), "what no marker measures is left out"
     assert _off_m(recording, LIMBS, places[:, [names.index(name) for name in LIMBS]]) < 0.02
@@ -131,7 +117,7 @@ def test_missing_markers_are_bridged() -> None:
     places = _landmarks("halpe26").repeat(2, axis=0)
     holed = places.copy()
     holed[3, -1] = holed[4, 2] = np.nan
-    lines = _trc(measured_joints("halpe26"), holed).split(b"\r\n")
+    lines = trc_of(measured_joints("halpe26"), holed).split(b"\r\n")
     lines[9] = lines[9].rstrip(b"\t")  # programs leave out empty cells at the end of a line
     recording = _read(b"\r\n".join(lines))
     assert recording.repaired_frames == 2 and any("2 missing places" in str(note) for note in recording.notes)
@@ -150,7 +136,7 @@ def test_missing_markers_are_bridged() -> None:
     ],
 )
 def test_faults_of_a_trc(change: tuple[bytes, bytes], says: str) -> None:
-    data = _trc(measured_joints("halpe26"), _landmarks("halpe26"))
+    data = trc_of(measured_joints("halpe26"), _landmarks("halpe26"))
     assert change[0] in data
     with pytest.raises(InputError, match=says):
         _read(data.replace(*change))
@@ -159,7 +145,7 @@ def test_faults_of_a_trc(change: tuple[bytes, bytes], says: str) -> None:
 def test_markers_on_the_skin_are_refused_with_the_way_to_go() -> None:
     names = ["R.ASIS", "L.ASIS", "V.Sacral", "R.Knee.Lat", "L.Knee.Lat", "R.Heel", "L.Heel"]
     with pytest.raises(InputError, match="those of no list") as caught:
-        _read(_trc(names, np.random.default_rng(0).normal(size=(3, len(names), 3))))
+        _read(trc_of(names, np.random.default_rng(0).normal(size=(3, len(names), 3))))
     assert "Markers on the skin" in (caught.value.hint or "")
 
 

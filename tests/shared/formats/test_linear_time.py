@@ -19,9 +19,9 @@ from tests.shared.formats.amass_files import npz, old_layout, pose_vectors
 from tests.shared.formats.asf_texts import AsfText
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.gltf_files import GltfText
+from tests.shared.formats.position_files import NAMES, PLACES, csv_of_places
 from tests.shared.formats.robot_files import RobotText, csv_of, some_rows
-from tests.shared.formats.test_landmarks import _trc
-from tests.shared.formats.test_positions import NAMES, PLACES, _csv
+from tests.shared.formats.trc_files import trc_of
 
 _TIMES = 10
 _MOST_RATIO = 35.0  # 10 is in proportion; the square of the length gives 100
@@ -67,7 +67,7 @@ SAMPLES: dict[str, tuple[str, Callable[[int], tuple[bytes, bytes]]]] = {
     ),
     "robot: digits": ("robot", lambda n: (b"1" * 100_000 * n + b"," * 30 + b"e", RobotText().urdf())),
     "robot: elements": ("robot", lambda n: (csv_of(some_rows(2)), b"<robot>" + b"<link name='a'/>" * 3000 * n)),
-    "positions: rows": ("positions", lambda n: (_csv(list(NAMES), np.tile(PLACES, (3 * n, 1, 1))), _RIG)),
+    "positions: rows": ("positions", lambda n: (csv_of_places(list(NAMES), np.tile(PLACES, (3 * n, 1, 1))), _RIG)),
     "positions: dashes": (
         "positions", lambda n: (b"Hips.x,Hips.y,Hips.z,a" + b"-" * 50_000 * n + b"\n1,2,3,4\n", _RIG),
     ),
@@ -78,13 +78,13 @@ SAMPLES: dict[str, tuple[str, Callable[[int], tuple[bytes, bytes]]]] = {
     ),
     "positions: sidecar": (
         "positions", lambda n: (
-            _csv(list(NAMES), PLACES),
+            csv_of_places(list(NAMES), PLACES),
             json.dumps({"names": [f"j{i}" for i in range(3000 * n)], "parents": [*range(-1, 3000 * n - 1)]}).encode(),
         ),
     ),
-    "positions: trc": ("positions", lambda n: (_trc(list(NAMES), np.tile(PLACES, (3 * n, 1, 1))), _RIG)),
+    "positions: trc": ("positions", lambda n: (trc_of(list(NAMES), np.tile(PLACES, (3 * n, 1, 1))), _RIG)),
     "positions: names of a trc": (
-        "positions", lambda n: (_trc([f"m{i}" for i in range(130 * n)], np.zeros((9, 130 * n, 3))), _RIG),
+        "positions", lambda n: (trc_of([f"m{i}" for i in range(130 * n)], np.zeros((9, 130 * n, 3))), _RIG),
     ),
     "positions: npz": (
         "positions", lambda n: (npz(positions=np.tile(PLACES, (10 * n, 1, 1)), names=np.array(NAMES)), _RIG),

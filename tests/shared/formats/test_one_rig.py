@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,11 +13,12 @@ from data_schemas.motion import skeleton_id
 from data_schemas.notes import Flag
 from stages.shared.formats.bvh_header import parse_header
 from stages.shared.formats.bvh_motion import read_bvh_motion
-from stages.shared.formats.bvh_of_motion import bvh_of_motion, with_places
+from stages.shared.formats.bvh_of_motion import bvh_of_motion, with_channels
 from stages.shared.formats.gltf_motion import read_gltf
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.humanoid.reference_pose import find_unit
 from stages.shared.kinematics.forward_numpy import positions_of
+from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.formats.gltf_files import NAMES, GltfText, edited
 
 
@@ -96,13 +100,60 @@ def test_a_size_that_no_unit_explains_is_refused(stature: float) -> None:
         find_unit(stature)
 
 
-def test_position_channels_go_to_their_joint_past_joints_without_channels() -> None:
-    """A joint that turns about no axis has `CHANNELS 0`; channels that are added must not slip to another joint."""
-    header = (
-        "HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
-        "JOINT B\n{\nOFFSET 0 1 0\nCHANNELS 0\nJOINT C\n{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
-        "JOINT D\n{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
-        "End Site\n{\nOFFSET 0 1 0\n}\n}\n}\n}\n}\n"
-    )
-    joints = {joint.name: joint.channels for joint in parse_header(with_places(header, {2}))}
-    assert joints["C"][:3] == ("Xposition", "Yposition", "Zposition") and len(joints["D"]) == 3
+HEADER = (
+    "HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
+    "JOINT B\n{\nOFFSET 0 1 0\nCHANNELS 0\nJOINT C\n{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
+    "JOINT D joint {\n  OFFSET 0 1 0 End Site a joint {\nOFFSET 0 1 0\n}\n}\n"
+    "JOINT E\n{\nOFFSET 0 1 0\nCHANNELS 1 Zrotation\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n}\n}\n}\n"
+)
+
+
+def test_channels_go_to_their_joint_past_joints_without_channels() -> None:
+    """A joint that turns about no axis has `CHANNELS 0` or none; added channels must not slip to another joint."""
+    before = parse_header(HEADER)
+    places = ("Xposition", "Yposition", "Zposition")
+    turns = ("Zrotation", "Xrotation", "Yrotation")
+    for at in itertools.product((0, 1, 2, 3), repeat=3):
+        positions = {joint for joint, each in zip((1, 2, 3), at, strict=True) if each & 1}
+        rotations = {joint for joint, each in zip((1, 2, 3), at, strict=True) if each & 2} - {2}
+        joints = parse_header(with_channels(HEADER, positions, rotations))
+        for index, (old, new) in enumerate(zip(before, joints, strict=True)):
+            expected = places * (index in positions) + old.channels + turns * (index in rotations)
+            assert new.channels == expected and (new.name, new.offset, new.end_site) == (
+                old.name, old.offset, old.end_site,
+            )  # fmt: skip
+    assert with_channels(HEADER, ()) == HEADER
+
+
+@pytest.mark.parametrize("line", ["", "CHANNELS 0\n"])
+def test_a_joint_without_channels_keeps_its_track_and_its_turns(line: str) -> None:
+    """Clips of one skeleton share the header of the first, in which this joint has no channels."""
+    rng = np.random.default_rng(0)
+    header, rows = BvhText(frames=9).text().split("MOTION")
+    joint = next(index for index, each in enumerate(parse_header(header)) if each.name == "LeftHand")
+    (still,) = read_bvh_motion(f"{header}MOTION{rows}".encode(), "a.bvh", Asked())
+    channels = "CHANNELS 3 Zrotation Xrotation Yrotation"
+    start = header.index(channels, header.index("LeftHand"))
+    bare = header[:start] + line.strip() + header[start + len(channels) :]
+    assert parse_header(bare)[joint].channels == ()
+    tracks = still.skeleton.offsets[joint] + rng.normal(0, 0.02, (9, 1, 3))
+    moving = replace(still.motion, track_joints=np.array([joint], np.int32), tracks=tracks.astype(np.float32))
+    data = bvh_of_motion(replace(still.skeleton, header=bare), moving, "a")
+    (back,) = read_bvh_motion(data, "a.bvh", Asked())
+    assert np.abs(positions_of(back.skeleton, back.motion) - positions_of(still.skeleton, moving)).max() < 1e-5
+    agreement = (back.motion.rotations[:, joint] * moving.rotations[:, joint]).sum(-1)
+    assert np.abs(agreement).min() > 1 - 1e-6
+
+
+@pytest.mark.parametrize("z_up", [False, True])
+def test_a_joint_0_that_does_not_turn_gets_no_channels(z_up: bool) -> None:
+    """A still joint above the hips, with positions alone, in worlds of both axes."""
+    header, rest = BvhText(frames=5, above="World", z_up=z_up).text().split("MOTION")
+    start = header.index("CHANNELS")
+    bare = header[:start] + "CHANNELS 3 Xposition Yposition Zposition" + header[header.index("\n", start) :]
+    head, rows = rest.split("0.0333333\n")
+    still = ["0 0 0 " + " ".join(row.split()[6:]) for row in rows.strip().split("\n")]
+    data = f"{bare}MOTION{head}0.0333333\n" + "\n".join(still)
+    (recording,) = read_bvh_motion(data.encode(), "a.bvh", Asked())
+    assert recording.skeleton.up_axis == ("z" if z_up else "y") and recording.skeleton.names[0] == "World"
+    assert bvh_of_motion(recording.skeleton, recording.motion, "a").decode().startswith(bare)

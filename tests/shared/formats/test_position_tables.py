@@ -22,7 +22,7 @@ from stages.shared.formats.table_write import csv_of_motion
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.amass_files import npz
 from tests.shared.formats.bvh_texts import BvhText
-from tests.shared.formats.test_positions import _csv, _npy
+from tests.shared.formats.position_files import csv_of_places, npy_of
 
 RIG = BvhText(frames=1)
 SKELETON, MOTION, _ = motion_of(read_bvh(BvhText(frames=20, seed=3).data(), "truth.bvh"))
@@ -52,7 +52,7 @@ def _sidecar(order: list[int]) -> bytes:
 def test_columns_go_to_the_joints_of_their_names(seed: int) -> None:
     rng = np.random.default_rng(seed)
     columns, joints = rng.permutation(len(NAMES)), rng.permutation(len(NAMES)).tolist()
-    data = _csv([NAMES[i] for i in columns], PLACES[:, columns])
+    data = csv_of_places([NAMES[i] for i in columns], PLACES[:, columns])
     by_json = _read(data, rig=_sidecar(joints), rig_name="walk.json")
     assert _error_cm(by_json) < 0.1 and by_json.notes == [] and by_json.motion.fps == 25
     by_rig = _read(data, rig=RIG.data(), rig_name="rig.bvh")
@@ -67,7 +67,7 @@ def test_unmatched_names_are_left_out_and_reported() -> None:
         {"rig": RIG.data(), "rig_name": "rig.bvh"},
         {"rig": _sidecar(list(range(len(NAMES)))), "rig_name": "walk.json"},
     ):
-        recording = _read(_csv(names, PLACES), **options)
+        recording = _read(csv_of_places(names, PLACES), **options)
         (told,) = [str(note) for note in recording.notes if note.flag is Flag.COLUMNS_LEFT_OUT]
         assert f"{options['rig_name']} has no joint were left out: HatHead; joints without a column: Head." in told
         others = tuple(name for name in NAMES if name != "Head")
@@ -76,7 +76,7 @@ def test_unmatched_names_are_left_out_and_reported() -> None:
 
 def test_a_joint_of_a_json_without_a_column_hands_its_children_up() -> None:
     kept = [i for i, name in enumerate(NAMES) if name not in ("Chest", "LeftForeArm")]
-    data = _csv([NAMES[i] for i in kept], PLACES[:, kept])
+    data = csv_of_places([NAMES[i] for i in kept], PLACES[:, kept])
     recording = _read(data, rig=_sidecar(list(range(len(NAMES)))), rig_name="walk.json")
     assert set(recording.skeleton.names) == {NAMES[i] for i in kept}
     spine = recording.skeleton.names.index("Spine")
@@ -84,7 +84,7 @@ def test_a_joint_of_a_json_without_a_column_hands_its_children_up() -> None:
 
 
 def test_two_columns_of_one_joint_are_not_both_used() -> None:
-    data = _csv([*NAMES, "left_hand"], np.concatenate([PLACES, PLACES[:, :1]], axis=1))
+    data = csv_of_places([*NAMES, "left_hand"], np.concatenate([PLACES, PLACES[:, :1]], axis=1))
     recording = _read(data, rig=RIG.data(), rig_name="rig.bvh")
     assert any("left_hand" in str(note) for note in recording.notes) and _error_cm(recording) < 0.3
 
@@ -99,12 +99,16 @@ def test_columns_of_ends_turn_the_leaves() -> None:
 
     names = [*NAMES, *(f"{NAMES[i]}_End" for i in leaves)]
     ends = ends_of(MOTION) + PLACES[:, leaves]
-    recording = _read(_csv(names, np.concatenate([PLACES, ends], axis=1)), rig=RIG.data(), rig_name="rig.bvh")
+    recording = _read(
+        csv_of_places(names, np.concatenate([PLACES, ends], axis=1)), rig=RIG.data(), rig_name="rig.bvh"
+    )
     assert recording.skeleton.names == NAMES and [n.flag for n in recording.notes] == [Flag.NO_FRAME_RATE]
     off = np.linalg.norm(ends_of(recording.motion) + PLACES[:, leaves] - ends, axis=-1)
     assert off.max() < 0.02 * np.linalg.norm(sites, axis=1).max()
     own = _read(
-        _csv(names, np.concatenate([PLACES, ends], axis=1)), rig=_sidecar(list(range(len(NAMES)))), rig_name="w.json"
+        csv_of_places(names, np.concatenate([PLACES, ends], axis=1)),
+        rig=_sidecar(list(range(len(NAMES)))),
+        rig_name="w.json",
     )
     assert _error_cm(own) < 0.1 and any("Head_End" in str(note) for note in own.notes)
 
@@ -126,7 +130,7 @@ def test_angles_are_refused() -> None:
         {"rig": _sidecar(list(range(len(NAMES)))), "rig_name": "walk.json"},
     ):
         with pytest.raises(InputError, match=r"change their length by \d+%.*not places") as caught:
-            _read(_csv(list(NAMES), _angles()), **options)
+            _read(csv_of_places(list(NAMES), _angles()), **options)
         assert "angles" in (caught.value.hint or "")
 
 
@@ -135,19 +139,19 @@ def test_still_angles_are_refused_by_the_rigs_proportions() -> None:
     degrees = np.random.default_rng(0).normal(0, 1, (1, len(NAMES), 3)) * sizes[:, None]
     still = np.tile(degrees, (9, 1, 1))
     with pytest.raises(InputError, match="times as long"):
-        _read(_csv(list(NAMES), still), rig=RIG.data(), rig_name="rig.bvh")
+        _read(csv_of_places(list(NAMES), still), rig=RIG.data(), rig_name="rig.bvh")
 
 
 def test_places_with_the_noise_of_cameras_are_read() -> None:
     noisy = PLACES + np.random.default_rng(0).normal(0, 1.0, PLACES.shape)  # centimetres
-    assert _error_cm(_read(_csv(list(NAMES), noisy), rig=RIG.data(), rig_name="rig.bvh")) < 20
+    assert _error_cm(_read(csv_of_places(list(NAMES), noisy), rig=RIG.data(), rig_name="rig.bvh")) < 20
 
 
 @pytest.mark.parametrize("joint", ["{}_rotation_{}", "{}.rot.{}", "{} angle {}", "{}.Euler.{}", "{}_velocity_{}"])
 def test_columns_named_as_angles_are_refused_or_left_out(joint: str) -> None:
     with pytest.raises(InputError, match="no column holds a place"):
-        _read(_csv(list(NAMES), PLACES, joint), rig=RIG.data())
-    tables = [_csv(list(NAMES), PLACES, each).split(b"\n") for each in ("{}.{}", joint)]
+        _read(csv_of_places(list(NAMES), PLACES, joint), rig=RIG.data())
+    tables = [csv_of_places(list(NAMES), PLACES, each).split(b"\n") for each in ("{}.{}", joint)]
     both = b"\n".join(b",".join(lines) for lines in zip(*tables, strict=True))
     recording = _read(both, rig=RIG.data(), rig_name="rig.bvh")
     assert _error_cm(recording) < 0.3
@@ -168,20 +172,20 @@ def test_a_table_that_pumps_exports_is_read_back() -> None:
 
 @pytest.mark.parametrize("data", [PLACES[None], PLACES[None, None], PLACES.reshape(1, len(PLACES), -1)])
 def test_a_leading_axis_of_one_is_dropped(data: np.ndarray) -> None:
-    for content in (_npy(data), npz(positions=data)):
+    for content in (npy_of(data), npz(positions=data)):
         assert _error_cm(_read(content, rig=RIG.data(), rig_name="rig.bvh")) < 0.3
     with pytest.raises(InputError, match="expected frames, joints and 3"):
-        _read(_npy(np.concatenate([PLACES[None]] * 2)), rig=RIG.data())
+        _read(npy_of(np.concatenate([PLACES[None]] * 2)), rig=RIG.data())
 
 
 def test_decimal_commas_are_named() -> None:
-    plain = _csv(list(NAMES), PLACES, fps=25)
+    plain = csv_of_places(list(NAMES), PLACES, fps=25)
     commas = plain.replace(b".", b",")
     head = plain.partition(b"\n")[0]
     with pytest.raises(InputError, match="line 2: 128 cells where there are 64") as caught:
         _read(head + b"\n" + commas.partition(b"\n")[2], rig=RIG.data())
     assert "use points" in (caught.value.hint or "")
-    tabs = _csv(list(NAMES), PLACES, separator="\t").partition(b"\n")
+    tabs = csv_of_places(list(NAMES), PLACES, separator="\t").partition(b"\n")
     with pytest.raises(InputError, match="is not a number") as caught:
         _read(tabs[0] + b"\n" + tabs[2].replace(b".", b","), rig=RIG.data())
     assert "use points" in (caught.value.hint or "")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from pathlib import Path
@@ -26,30 +25,7 @@ from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.smpl import LAYOUTS
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.shared.formats.amass_files import npz, old_layout
-from tests.shared.formats.bvh_texts import BvhText
-
-RIG = BvhText(frames=1)
-MOVING = BvhText(frames=20, seed=3)
-
-
-def _npy(array: np.ndarray) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
-
-
-def _csv(names: list[str], places: np.ndarray, joint: str = "{}.{}", separator: str = ",", fps: float = 0) -> bytes:
-    head = [joint.format(name, axis) for name in names for axis in "xyz"]
-    rows = [[repr(float(v)) for v in frame.reshape(-1)] for frame in places]
-    if fps:
-        head, rows = ["time", *head], [[f"{i / fps:.6f}", *row] for i, row in enumerate(rows)]
-    return "\n".join(separator.join(row) for row in [head, *rows]).encode()
-
-
-def _truth() -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names, places (T, J, 3) in centimetres and global rotations of a BVH."""
-    skeleton, motion, _ = motion_of(read_bvh(MOVING.data(), "truth.bvh"))
-    return skeleton.names, positions_of(skeleton, motion) * 100, motion.rotations
+from tests.shared.formats.position_files import NAMES, PLACES, RIG, csv_of_places, npy_of, posed_list, true_places
 
 
 def _read(data: bytes, **options: object) -> Recording:
@@ -63,8 +39,8 @@ def _places(recording: Recording, names: tuple[str, ...] | list[str]) -> np.ndar
 
 
 def test_on_a_rig_joints_come_back_where_they_were() -> None:
-    names, places, rotations = _truth()
-    recording = _read(_npy(places), rig=RIG.data(), rig_name="rig.bvh")
+    names, places, rotations = true_places()
+    recording = _read(npy_of(places), rig=RIG.data(), rig_name="rig.bvh")
     assert recording.skeleton.names == names and recording.skeleton.unit_m == pytest.approx(0.01)
     assert np.abs(_places(recording, names) * 100 - places).max() < 0.2  # lengths are rounded, centimetres
     for joint in ("Hips", "Chest"):  # which two bones and more tell whole
@@ -80,17 +56,19 @@ def test_on_a_rig_joints_come_back_where_they_were() -> None:
     [("{}.{}", ","), ("{}_{}", ";"), ("{} {}", "\t"), ("{}:{}", ","), ("{}({})", ","), ("{}{}", ",")],
 )
 def test_tables_in_any_spelling_are_the_same(joint: str, separator: str) -> None:
-    names, places, _ = _truth()
-    recording = _read(_csv(list(names), places, joint, separator, fps=50), rig=RIG.data(), rig_name="rig.bvh")
-    expected = _read(_npy(places), rig=RIG.data(), rig_name="rig.bvh", fps_override=50.0)
+    names, places, _ = true_places()
+    recording = _read(
+        csv_of_places(list(names), places, joint, separator, fps=50), rig=RIG.data(), rig_name="rig.bvh"
+    )
+    expected = _read(npy_of(places), rig=RIG.data(), rig_name="rig.bvh", fps_override=50.0)
     assert recording.motion.fps == 50 and recording.notes == []
     assert np.allclose(recording.motion.rotations, expected.motion.rotations, atol=1e-6)
 
 
 def test_joints_without_measurements_are_stiff() -> None:
-    names, places, _ = _truth()
+    names, places, _ = true_places()
     kept = [i for i, name in enumerate(names) if name not in ("LeftShoulder", "RightShoulder", "Neck", "Spine")]
-    recording = _read(_csv([names[i] for i in kept], places[:, kept]), rig=RIG.data(), rig_name="rig.bvh")
+    recording = _read(csv_of_places([names[i] for i in kept], places[:, kept]), rig=RIG.data(), rig_name="rig.bvh")
     assert recording.skeleton.names == names
     there = ["Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToe", "RightUpLeg", "RightLeg"]
     assert np.abs(_places(recording, there) * 100 - places[:, [names.index(name) for name in there]]).max() < 0.3
@@ -103,8 +81,8 @@ def test_known_lists(title: str) -> None:
     joints = LISTS[title]()
     names = [name for name, *_ in joints]
     rng = np.random.default_rng(0)
-    places = _posed(title, rng, 12)
-    recording = _read(_npy(places), rig_name=title)
+    places = posed_list(title, rng, 12)
+    recording = _read(npy_of(places), rig_name=title)
     skeleton = recording.skeleton
     assert sorted(skeleton.names) == sorted(names) and skeleton.up_axis == "y"
     assert np.abs(_places(recording, names) - places).max() < 0.01
@@ -114,45 +92,20 @@ def test_known_lists(title: str) -> None:
     assert counts[1] == counts[2] > 1 and counts[3] == counts[4] > 1 and counts[0] > 2
 
 
-def _posed(title: str, rng: np.random.Generator, frames: int) -> np.ndarray:
-    """(T, J, 3) a list's T-pose with plausible lengths, every joint turned a little, standing at a metre."""
-    joints = LISTS[title]()
-    names = [name for name, *_ in joints]
-    length = {"knee": 0.42, "foot": 0.4, "ankle": 0.4, "elbow": 0.3, "wrist": 0.25, "hip": 0.1, "shoulder": 0.17}
-    heads = {names[i]: None for i in range(len(names))}
-    out = np.zeros((frames, len(names), 3))
-    for frame in range(frames):
-        turned: dict[str, Rotation] = {}
-        heads = {}
-        waiting = [joint for joint in joints if not joint[1]]
-        while waiting:
-            name, parent, direction = waiting.pop()
-            size = next((v for k, v in length.items() if k in name), 0.18)
-            if name.endswith("foot") and title != "h36m17":
-                size = 0.15
-            unit = np.array(direction) / (np.linalg.norm(direction) or 1.0)
-            heads[name] = np.array([0, 1.0, 0]) if not parent else heads[parent] + turned[parent].apply(unit * size)
-            own = Rotation.from_rotvec(rng.normal(0, 0.15, 3))
-            turned[name] = turned[parent] * own if parent else own
-            waiting += [joint for joint in joints if joint[1] == name]
-        out[frame] = [heads[name] for name in names]
-    return out
-
-
 def test_amass_and_its_positions_agree() -> None:
     (amass,) = read_amass(old_layout("body"), "a.npz", Asked())
     names = list(LAYOUTS["body"])
     places = _places(amass, names)
     z_up = np.stack([places[..., 0], -places[..., 2], places[..., 1]], axis=-1) * 1000  # millimetres, Z up
-    recording = _read(_npy(z_up.astype(np.float32)), rig_name="smpl22")
+    recording = _read(npy_of(z_up.astype(np.float32)), rig_name="smpl22")
     assert recording.skeleton.up_axis == "y" and recording.skeleton.unit_m == pytest.approx(0.001)
     assert np.abs(_places(recording, names) - places).max() < 2e-3
 
 
 def test_names_and_parents_alone(tmp_path: Path) -> None:
-    names, places, _ = _truth()
+    names, places, _ = true_places()
     parents = motion_of(read_bvh(RIG.data(), "a"))[0].parents
-    (tmp_path / "walk.npy").write_bytes(_npy(places))
+    (tmp_path / "walk.npy").write_bytes(npy_of(places))
     (tmp_path / "walk.json").write_text(json.dumps({"names": names, "parents": parents.tolist(), "fps": 25}))
     report = run(Config(sources=(str(tmp_path),), output=tmp_path / "out", strict=True))
     assert report.figures["files"] == {"ignored": 1, "kept": 1}
@@ -161,15 +114,15 @@ def test_names_and_parents_alone(tmp_path: Path) -> None:
 
 
 def test_gaps_are_interpolated_and_reported() -> None:
-    names, places, _ = _truth()
+    names, places, _ = true_places()
     holed = places.copy()
     holed[5:7, names.index("LeftHand")] = np.nan
-    recording = _read(_npy(holed), rig=RIG.data(), rig_name="rig.bvh")
+    recording = _read(npy_of(holed), rig=RIG.data(), rig_name="rig.bvh")
     assert any("2 missing places" in str(note) for note in recording.notes) and recording.repaired_frames == 2
     assert np.abs(_places(recording, names) * 100 - places).max() < 6
     holed[:, names.index("LeftHand")] = np.nan
     with pytest.raises(InputError, match="'LeftHand' is missing in 20 of 20"):
-        _read(_npy(holed), rig=RIG.data(), rig_name="rig.bvh")
+        _read(npy_of(holed), rig=RIG.data(), rig_name="rig.bvh")
 
 
 @settings(max_examples=20, deadline=None)
@@ -202,21 +155,18 @@ def test_a_bone_turned_about_takes_half_a_turn() -> None:
         assert np.allclose(Rotation.from_quat(local[0, 0]).apply(rest[1]), aim, atol=1e-9)
 
 
-NAMES, PLACES, _ = _truth()
-
-
 @pytest.mark.parametrize(
     ("data", "options", "says"),
     [
-        (_npy(PLACES), {}, "no joint names and parents"),
-        (_npy(PLACES[:, :5]), {"rig": RIG.data(), "rig_name": "rig.bvh"}, "5 joints without names"),
-        (_npy(PLACES), {"rig_name": "h36m17"}, "the list h36m17 has 17"),
-        (_npy(PLACES[..., :2]), {"rig_name": "h36m17"}, "expected frames, joints and 3"),
-        (_npy(PLACES)[:-9], {"rig_name": "h36m17"}, "truncated"),
-        (_csv(list(NAMES), PLACES)[:-30], {"rig": RIG.data(), "rig_name": "r"}, "line 21"),
-        (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Head.y"), {"rig": RIG.data()}, "twice"),
-        (_csv(list(NAMES), PLACES).replace(b"Head.z", b"Hood.z"), {"rig": RIG.data()}, "needs x, y and z"),
-        (_csv([f"Hood{i}" for i in range(21)], PLACES), {"rig": RIG.data()}, "no joint 'Hood0', nor 20 more"),
+        (npy_of(PLACES), {}, "no joint names and parents"),
+        (npy_of(PLACES[:, :5]), {"rig": RIG.data(), "rig_name": "rig.bvh"}, "5 joints without names"),
+        (npy_of(PLACES), {"rig_name": "h36m17"}, "the list h36m17 has 17"),
+        (npy_of(PLACES[..., :2]), {"rig_name": "h36m17"}, "expected frames, joints and 3"),
+        (npy_of(PLACES)[:-9], {"rig_name": "h36m17"}, "truncated"),
+        (csv_of_places(list(NAMES), PLACES)[:-30], {"rig": RIG.data(), "rig_name": "r"}, "line 21"),
+        (csv_of_places(list(NAMES), PLACES).replace(b"Head.z", b"Head.y"), {"rig": RIG.data()}, "twice"),
+        (csv_of_places(list(NAMES), PLACES).replace(b"Head.z", b"Hood.z"), {"rig": RIG.data()}, "needs x, y and z"),
+        (csv_of_places([f"Hood{i}" for i in range(21)], PLACES), {"rig": RIG.data()}, "no joint 'Hood0', nor 20"),
         (npz(joints=PLACES, names=np.array(["a"])), {"rig": RIG.data(), "rig_name": "r"}, "21 joints but 1 names"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.full(21, 3)), {}, "0 roots"),
         (npz(joints=PLACES, names=np.array(NAMES), parents=np.arange(-1, 20) * 0 - 1), {}, "21 roots"),

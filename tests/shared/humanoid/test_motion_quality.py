@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -15,8 +16,17 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.humanoid import motion_quality
+from stages.shared.humanoid.motion_quality import (
+    FLIP_RAD,
+    HUMAN_RAD_PER_S,
+    LEAST_S,
+    STILL_MPS,
+    _fast_turns,
+    _still,
+)
 from stages.shared.humanoid.retargeting import rest_pose
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.forward_numpy import BLOCK_FRAMES
 from stages.shared.kinematics.playback_speed import speed_features, speed_of
 
 CLIPS = Path(stages.shared.clips.__file__).parent
@@ -127,3 +137,26 @@ def test_too_little_to_see_is_said(walk):
     one = measure_quality(skeleton, replace(motion, rotations=motion.rotations[:1],
                                             root_positions=motion.root_positions[:1]))  # fmt: skip
     assert one.speed_log2 is None and not one.wrong_rate
+
+
+@pytest.mark.parametrize("frames", [2, BLOCK_FRAMES, BLOCK_FRAMES + 2])
+def test_spikes_flips_and_stillness_in_blocks_are_those_of_whole_arrays(frames):
+    rng = np.random.default_rng(frames)
+    turns = np.cumsum(rng.normal(0, 0.3, (frames, 4, 3)) * (rng.uniform(size=(frames, 4, 1)) < 0.5), axis=0)
+    rotations = Rotation.from_rotvec(turns.reshape(-1, 3)).as_quat().reshape(frames, 4, 4).astype(np.float32)
+    jumps = rng.uniform(size=frames) < 0.01
+    positions = np.cumsum(rng.normal(0, 1.0, (frames, 4, 3)) * jumps[:, None, None], axis=0)
+    body = np.array([0, 2, 3])
+    for fps in (10.0, 30.0, 120.0):
+        cosine = np.abs((rotations[1:, body].astype(np.float64) * rotations[:-1, body]).sum(-1))
+        turned = 2 * np.arccos(np.clip(cosine, 0, 1))
+        plainly = int((turned * fps > HUMAN_RAD_PER_S).any(axis=1).sum()), int((turned > FLIP_RAD).any(axis=1).sum())
+        assert _fast_turns(rotations, body, fps) == plainly
+        speeds = np.linalg.norm(np.diff(positions[:, body], axis=0), axis=-1).max(axis=1) * fps
+        stays = np.zeros(frames, bool)
+        at = 0
+        for quiet, run in itertools.groupby((speeds < STILL_MPS).tolist()):
+            steps = len(list(run))
+            stays[at : at + steps + 1] |= quiet and steps >= LEAST_S * fps
+            at += steps
+        assert np.array_equal(_still(positions, body, fps), stays)

@@ -21,6 +21,7 @@ from stages.shared.pointcloud.drawn_points import spread_on_skeleton
 from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.solving import SolveOptions
 from tests.shared.inference.examples import humanoid, swinging, write_random_weights
+from tests.shared.inference.keyed_motions import junk, keys_every
 
 
 @pytest.fixture(scope="module")
@@ -31,22 +32,6 @@ def models(tmp_path_factory):
 @pytest.fixture(scope="module")
 def source(models):
     return SynthesisedClouds(models)
-
-
-def keys_every(frames: int, step: int) -> np.ndarray:
-    known = np.zeros(frames, bool)
-    known[::step] = True
-    known[-1] = True
-    return known
-
-
-def junk(motion: Motion, known: np.ndarray) -> Motion:
-    """The motion with NaN wherever no key is: whatever reads it shows."""
-    parts = [np.array(part) for part in (motion.rotations, motion.root_positions, motion.tracks)]
-    for part in parts:
-        if part.shape[0]:
-            part[~known] = np.nan
-    return replace(motion, rotations=parts[0], root_positions=parts[1], tracks=parts[2])
 
 
 def error_of(skeleton, motion: Motion, truth: Motion) -> float:

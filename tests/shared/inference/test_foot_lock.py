@@ -4,33 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import roma
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
-from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.inference.filled import skates
-from stages.shared.inference.foot_lock import (
-    CALM_DEG_PER_S,
-    CALM_MPS2,
-    LOOSE,
-    MORE,
-    SMOOTH_S,
-    _smooth,
-    lock_feet,
-    standing_feet,
-)
-from stages.shared.kinematics.foot_contacts import find_feet
+from stages.shared.inference.foot_lock import LOOSE, SMOOTH_S, _pieces, _smooth, lock_feet
+from stages.shared.inference.pop_limits import ROUNDING
+from stages.shared.inference.standing_feet import contact_heights, lowered_feet, standing_feet
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.foot_contacts import find_feet, limb_joints
 from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.plain_interpolation import damped_smoothness
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion, replace_rows
 from stages.shared.statistics.feel_pops import largest_acceleration_mps2, largest_turn_deg
-from tests.shared.inference.test_filling import keys_every
+from tests.shared.inference.keyed_motions import keys_every
 
 CLIPS = Path(__file__).resolve().parents[3] / "stages" / "shared" / "clips"
 
@@ -54,7 +52,7 @@ def locked_motion(skeleton: Skeleton, filled: Motion, known: np.ndarray) -> Moti
 
 @pytest.mark.parametrize(
     ("name", "step", "most"),
-    [("walk", 15, 0.7), ("walk", 10, 0.72), ("dance_a", 15, 0.7), ("crawl", 15, 0.7), ("punch", 20, 0.7)],
+    [("walk", 15, 0.7), ("walk", 10, 0.78), ("dance_a", 15, 0.7), ("crawl", 15, 0.7), ("punch", 20, 0.7)],
 )
 def test_feet_slide_less_and_keys_stay(name: str, step: int, most: float):
     skeleton, _, filled, known = interpolated(name, step)
@@ -148,27 +146,6 @@ def test_shifts_are_smooth_near_to_what_is_wanted_and_nothing_at_keys():
         assert cost(found) < cost(other)
 
 
-@pytest.mark.parametrize("name", ["walk", "dance_a", "jump"])
-def test_no_foot_comes_lower_than_in_the_keys(name: str):
-    skeleton, _, filled, known = interpolated(name, 15)
-    feet = find_feet(skeleton)
-    # Deepest midway between two keys, and no step beside them.
-    keys = np.flatnonzero(known)
-    phase = np.interp(np.arange(filled.frames), keys, np.arange(len(keys)))
-    sunk = filled.root_positions.copy()
-    sunk[:, 1] -= 0.05 * np.sin(np.pi * phase) ** 2
-    loose = replace(filled, root_positions=sunk)
-    locked = locked_motion(skeleton, loose, known)
-    for kind in (False, True):
-        joints = feet.joints[feet.is_end == kind]
-        if len(joints):
-            heights, before = (positions_of(skeleton, motion)[:, joints, 1] for motion in (locked, loose))
-            floor = heights[known].min()
-            assert before.min() < floor - 0.03
-            assert heights.min() > floor - 0.01  # what the solve leaves
-    assert (locked.rotations[known] == filled.rotations[known]).all()
-
-
 @pytest.mark.parametrize("name", ["walk", "dance_a", "punch"])
 def test_a_foot_that_the_leg_cannot_hold_is_let_go_without_a_pop(name: str):
     """The pelvis rises out of reach between keys 30 frames apart, and sways, while the feet stand."""
@@ -180,7 +157,131 @@ def test_a_foot_that_the_leg_cannot_hold_is_let_go_without_a_pop(name: str):
     loose = replace(filled, root_positions=roots)
     held = locked_motion(skeleton, loose, known)
     assert np.abs(held.rotations - loose.rotations).max() > 0.01  # something is held
-    turns = [largest_turn_deg(motion.rotations[None], ~known)[0] * filled.fps for motion in (loose, held)]
-    assert turns[1] <= MORE * max(turns[0], CALM_DEG_PER_S) + 1
+    assert_no_pop_is_worse(skeleton, loose, held, known)
+
+
+def assert_no_pop_is_worse(skeleton: Skeleton, loose: Motion, held: Motion, known: np.ndarray) -> None:
+    """By the figures of `pumps evaluate`, on all joints, beyond what float32 rounds."""
+    turns = [largest_turn_deg(motion.rotations[None], ~known)[0] for motion in (loose, held)]
+    assert turns[1] <= turns[0] + np.degrees(ROUNDING)
     pushes = [largest_acceleration_mps2(positions_of(skeleton, m)[None], ~known)[0] for m in (loose, held)]
-    assert pushes[1] <= MORE * max(pushes[0], CALM_MPS2) + 1
+    assert pushes[1] <= pushes[0] + MODEL_FPS**2 * ROUNDING
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    name=st.sampled_from(["walk", "dance_a", "punch", "run", "kick"]),
+    step=st.integers(8, 40),
+    sway=st.tuples(*[st.floats(-0.12, 0.12)] * 3),
+    waves=st.integers(1, 3),
+)
+def test_no_pop_is_ever_worse_and_keys_never_change(name: str, step: int, sway: tuple[float, ...], waves: int):
+    skeleton, _, filled, known = interpolated(name, step)
+    keys = np.flatnonzero(known)
+    phase = np.interp(np.arange(filled.frames), keys, np.arange(len(keys)))
+    roots = filled.root_positions + (np.sin(waves * np.pi * phase) ** 2)[:, None] * np.array(sway, np.float32)
+    loose = replace(filled, root_positions=roots.astype(np.float32))
+    held = locked_motion(skeleton, loose, known)
+    assert_no_pop_is_worse(skeleton, loose, held, known)
+    for field in ("rotations", "root_positions", "tracks"):
+        assert getattr(held, field)[known].tobytes() == getattr(loose, field)[known].tobytes()
+    assert (held.root_positions == loose.root_positions).all()
+
+
+def standing(frames: int = 61) -> tuple[Skeleton, Motion, np.ndarray]:
+    """The walk's first frame for two seconds, its legs bent, and keys. An arm waves: legs may then move as fast."""
+    skeleton, motion, _, _ = interpolated("walk", 15)
+    pose = pose_of_motion(skeleton, motion.at(np.zeros(frames, int)))
+    bend = np.radians(25)
+    turns = torch.zeros(frames, len(skeleton.parents), 3)
+    for hip, knee, ankle in limb_joints(skeleton, find_feet(skeleton)):
+        for joint, angle in ((hip, -bend), (knee, 2 * bend), (ankle, -bend)):
+            turns[:, joint, 0] = angle
+    arm = int(np.flatnonzero(skeleton.groups == BODY_GROUPS.index("left_arm"))[0])
+    turns[:, arm, 0] = torch.sin(torch.arange(frames) * 0.5)
+    bent = pose.corrected(turns, torch.zeros(frames, 3)).motion(motion.fps)
+    known = np.zeros(frames, bool)
+    known[[0, 15, 45, 60]] = True
+    return skeleton, bent, known
+
+
+def test_a_planted_foot_stays_put_while_the_body_sways():
+    skeleton, bent, known = standing()
+    sway = np.where(known, 0, np.sin(np.linspace(0, 8 * np.pi, len(known))))[:, None] * np.array(
+        [0.015, 0, 0.01], np.float32
+    )
+    loose = replace(bent, root_positions=(bent.root_positions + sway).astype(np.float32))
+    feet = find_feet(skeleton)
+    held = locked_motion(skeleton, loose, known)
+    slid = [np.ptp(positions_of(skeleton, each)[:, feet.joints], axis=0).max() for each in (loose, held)]
+    assert slid[0] > 0.02 and slid[1] < 0.4 * slid[0]
+    assert_no_pop_is_worse(skeleton, loose, held, known)
+
+
+def test_no_foot_comes_lower_than_in_the_keys():
+    skeleton, bent, known = standing()
+    feet = find_feet(skeleton)
+    # Deepest midway between two keys, and no step beside them.
+    keys = np.flatnonzero(known)
+    phase = np.interp(np.arange(bent.frames), keys, np.arange(len(keys)))
+    sunk = bent.root_positions.copy()
+    sunk[:, 1] -= 0.04 * np.sin(np.pi * phase) ** 2
+    loose = replace(bent, root_positions=sunk)
+    locked = locked_motion(skeleton, loose, known)
+    for kind in (False, True):
+        joints = feet.joints[feet.is_end == kind]
+        if len(joints):
+            heights, before = (positions_of(skeleton, motion)[:, joints, 1] for motion in (locked, loose))
+            floor = heights[known].min()
+            assert before.min() < floor - 0.03
+            assert heights.min() > floor - 0.01  # what the solve leaves
+    assert (locked.rotations[known] == loose.rotations[known]).all()
+
+
+def test_feet_that_float_come_down_but_not_in_flight():
+    skeleton, bent, known = standing()
+    feet = find_feet(skeleton)
+    frames = np.arange(len(known))
+    inside = (frames > 15) & (frames < 45)
+    rise = np.where(inside, 0.12 * np.sin(np.pi * (frames - 15) / 30) ** 2, 0)
+    loose = replace(
+        bent,
+        root_positions=(bent.root_positions + rise[:, None] * np.array([0, 1, 0], np.float32)).astype(np.float32),
+    )
+    heights = [
+        positions_of(skeleton, each)[:, feet.joints, 1].min(1)
+        for each in (bent, loose, locked_motion(skeleton, loose, known))
+    ]
+    floating = [(each - heights[0])[inside].mean() for each in heights]
+    assert floating[1] > 0.05 and floating[2] < 0.5 * floating[1]
+    # A ballistic rise of the same clip is a jump: nothing comes down.
+    seconds = (frames - 15) / bent.fps
+    jump = np.where(inside, 0.5 * 9.81 * seconds * (1 - seconds), 0)
+    flying = replace(
+        bent,
+        root_positions=(bent.root_positions + jump[:, None] * np.array([0, 1, 0], np.float32)).astype(np.float32),
+    )
+    places = positions_of(skeleton, flying)
+    contacts = standing_feet(places, feet, bent.fps, known)
+    assert (lowered_feet(places, contacts, feet, skeleton.root, known, bent.fps)[20:40] == 0).all()
+
+
+def test_contact_heights_are_those_of_low_keys_and_else_the_floor():
+    skeleton, bent, known = standing()
+    feet, places = find_feet(skeleton), positions_of(skeleton, bent).copy()
+    places[45:, feet.joints, 1] += 0.02
+    heights = contact_heights(places, feet, known)
+    np.testing.assert_allclose(heights[known], places[known][:, feet.joints, 1], atol=1e-6)
+    np.testing.assert_allclose(heights[30] - heights[15], 0.01, atol=1e-3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(known=hnp.arrays(bool, st.integers(1, 300)), frames=st.integers(1, 60))
+def test_pieces_cover_a_clip_once_and_meet_at_keys(known: np.ndarray, frames: int):
+    known[0] = True
+    pieces = _pieces(known, frames)
+    assert pieces[0][0].start == 0 and pieces[-1][0].stop == len(known)
+    for (own, around), (following, _) in pairwise([*pieces, pieces[-1]]):
+        assert around.start <= own.start and own.stop <= around.stop
+        if following is not own:
+            assert following.start == own.stop - 1 and known[following.start]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from data_schemas.errors import InputError
 from stages.shared.formats.bvh import read_bvh
@@ -14,6 +17,7 @@ from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.kinematics.foot_contacts import (
     HEIGHT_SHARE,
     SPEED_SHARE,
+    _long_runs,
     detect_contacts,
     find_feet,
     floor_levels,
@@ -117,3 +121,22 @@ def test_a_walker_stands_on_one_foot_and_then_on_the_other():
     assert (left & ~right).any() and (right & ~left).any()
     assert (left | right).mean() > 0.7
     assert foot_skate_mps(positions, contacts, feet, motion.fps) < 0.2
+
+
+def _long_runs_plainly(flags: np.ndarray, least: int) -> np.ndarray:
+    out = flags.copy()
+    for column in range(flags.shape[1]):
+        at = 0
+        for value, run in itertools.groupby(flags[:, column].tolist()):
+            length = len(list(run))
+            if value and length < least and at > 0 and at + length < len(flags):
+                out[at : at + length, column] = False
+            at += length
+    return out
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.lists(st.booleans(), min_size=2, max_size=2), min_size=1, max_size=30), st.integers(1, 6))
+def test_short_runs_are_dropped_but_for_those_at_the_ends(rows: list[list[bool]], least: int) -> None:
+    flags = np.array(rows)
+    assert np.array_equal(_long_runs(flags, least), _long_runs_plainly(flags, least))

@@ -75,6 +75,17 @@ def test_turns_between_lead_from_one_to_the_other_the_shorter_way() -> None:
     assert (reached.inv() * as_rotations(b)).magnitude().max() < 1e-12
 
 
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), angle=st.floats(0, np.pi), flip=st.booleans())
+def test_angles_between_are_those_that_were_put_in_down_to_none(seed: int, angle: float, flip: bool) -> None:
+    first = some_quaternions(5, seed=seed)
+    axes = np.random.default_rng(seed).standard_normal((5, 3))
+    turn = Rotation.from_rotvec(angle * axes / np.linalg.norm(axes, axis=-1, keepdims=True))
+    second = (as_rotations(first) * turn).as_quat() * (-1 if flip else 1)
+    np.testing.assert_allclose(rotations.angles_between(first, second), angle, rtol=1e-6, atol=1e-9)
+    assert (rotations.angles_between(first, -first) == 0).all()
+
+
 def test_slerp_agrees_with_scipy() -> None:
     a, b = some_quaternions(25, seed=11), some_quaternions(25, seed=12)
     shares = np.random.default_rng(13).random((25, 1))

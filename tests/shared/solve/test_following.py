@@ -21,7 +21,7 @@ from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.smoothing import smooth_as_needed
 from stages.shared.solve.solving import SolveOptions
 from tests.shared.inference.examples import humanoid, swinging
-from tests.shared.inference.test_filling import junk, keys_every
+from tests.shared.inference.keyed_motions import junk, keys_every
 
 FRAMES = 91
 

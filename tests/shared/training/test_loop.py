@@ -5,10 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 
-import numpy as np
 import pytest
-import torch
-from torch import nn
 
 from data_schemas.artefact import open_artefact, partial_folder
 from data_schemas.checkpoint import read_checkpoint
@@ -16,31 +13,11 @@ from data_schemas.errors import PumpsError
 from stages.shared.progress import SILENT
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.loop import learning_rate, train
-from stages.shared.training.task import TrainingTask
 from stages.train.ae.config import Config
 from stages.train.ae.run import run
+from tests.shared.training.small_trainings import KillAt, Killed, Parabola, plain_config
 from tests.shared.training.tiny_clouds import write_clouds
 from tests.shared.training.tiny_runs import TINY, weights_of
-
-
-class Killed(Exception):
-    pass
-
-
-class KillAt:
-    """Progress that breaks the run off after a step, as a kill would."""
-
-    def __init__(self, step: int):
-        self.left = step
-
-    def start(self, label, total=None): ...
-    def message(self, text): ...
-
-    def advance(self, steps=1, note=""):
-        if note:
-            self.left -= 1
-            if self.left == 0:
-                raise Killed
 
 
 @pytest.fixture(scope="module")
@@ -131,35 +108,6 @@ def test_the_choices_of_the_loss_and_head_train(clouds, tmp_path, changes):
     run(config_for(clouds, tmp_path / "ae", steps=2, **changes))
     losses = [row["loss"] for row in read_checkpoint(tmp_path / "ae").log if row["split"] == "train"]
     assert all(math.isfinite(loss) for loss in losses)
-
-
-class Parabola(TrainingTask[nn.ParameterDict]):
-    """The smallest task: one parameter that should become 3."""
-
-    def __init__(self, poison_at: int | None = None):
-        self.networks = nn.ParameterDict({"place": nn.Parameter(torch.zeros(1))})
-        self.steps, self.poison_at = 0, poison_at
-
-    def drawer(self, *, elsewhere: bool = False) -> Parabola:
-        return self
-
-    def draw(self, rng: np.random.Generator) -> float:
-        return float(rng.normal())
-
-    def loss(self, batch, generator):
-        self.steps += 1
-        value = (self.networks["place"] - 3).square().sum()
-        return value * (float("nan") if self.steps == self.poison_at else 1.0), {}
-
-    def validate(self):
-        return {"score": float((self.networks["place"].detach() - 3).square())}
-
-
-def plain_config(tmp_path, **changes) -> TrainingConfig:
-    return TrainingConfig(
-        output=tmp_path / "out",
-        **{"steps": 400, "learning_rate": 0.1, "warmup": 10, "validate_every": 20, "average": 0.5, **changes},
-    )
 
 
 def test_it_descends_and_keeps_the_best(tmp_path):

@@ -9,7 +9,7 @@ from data_schemas.errors import UsageError
 from data_schemas.own_folders import MARKER_NAME, is_own_folder
 from stages.train.ae.config import Config
 from stages.train.ae.run import run
-from tests.shared.training.test_loop import KillAt, Killed
+from tests.shared.training.small_trainings import KillAt, Killed
 from tests.shared.training.tiny_clouds import write_clouds
 from tests.shared.training.tiny_runs import TINY
 

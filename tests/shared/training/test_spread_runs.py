@@ -22,7 +22,7 @@ from stages.shared.training.task import step_generator, step_random
 from stages.train.ae.config import Config
 from stages.train.ae.run import run
 from stages.train.ae.task import AutoencoderTask
-from tests.shared.training.test_loop import Parabola, plain_config
+from tests.shared.training.small_trainings import Parabola, plain_config
 from tests.shared.training.tiny_clouds import write_clouds
 from tests.shared.training.tiny_runs import TINY, figures_of, start_training, weights_of
 

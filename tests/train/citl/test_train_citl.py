@@ -17,11 +17,12 @@ from stages.shared.kinematics.rest_pose import carried_offsets, realign
 from stages.shared.kinematics.window_interpolation import interpolate_windows
 from stages.shared.networks.layers.sizes import InterpolatorSizes
 from stages.shared.networks.pcmrl.pose_interpolator import PoseInterpolator, PoseWindows
+from stages.shared.training.pose_windows import errors_of, pose_batch
 from stages.shared.training.task import step_random
 from stages.shared.training.windows import WindowPool
 from stages.train.citl.config import Config
 from stages.train.citl.run import run
-from stages.train.citl.task import InterpolatorTask, errors_of, pose_batch
+from stages.train.citl.task import InterpolatorTask
 from tests.shared.training.tiny_clouds import GROUPS, PARENTS, TAILS, swinging, write_clouds
 
 FRAMES = 31

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -75,6 +77,30 @@ def attend(query: Tensor, key: Tensor, value: Tensor, known: Tensor | None = Non
     return scores.softmax(dim=-1) @ value
 
 
+class Rows(NamedTuple):
+    """Some frames of a batch of sequences, for layers that compute these alone.
+
+    index: (N,) into all B * T frames. shape: (B, T).
+    """
+
+    index: Tensor
+    shape: tuple[int, int]
+
+    @staticmethod
+    def where(chosen: Tensor) -> Rows:
+        """The frames where (B, T) is True. Waits for the device."""
+        return Rows(chosen.flatten().nonzero().squeeze(1), (chosen.shape[0], chosen.shape[1]))
+
+    def take(self, values: Tensor) -> Tensor:
+        """(B, T, C) -> (N, C)."""
+        return values.flatten(0, 1).index_select(0, self.index)
+
+    def put(self, values: Tensor) -> Tensor:
+        """(N, C) -> (B, T, C), zero in all other frames."""
+        whole = values.new_zeros(self.shape[0] * self.shape[1], values.shape[-1])
+        return whole.index_copy(0, self.index, values).unflatten(0, self.shape)
+
+
 class TimeAttention(nn.Module):
     """Multi-head attention over time with rotary positions.
 
@@ -99,25 +125,32 @@ class TimeAttention(nn.Module):
         memory: Tensor | None = None,
         memory_times: Tensor | None = None,
         known: Tensor | None = None,
+        rows: Rows | None = None,
+        memory_rows: Rows | None = None,
     ) -> Tensor:
         """Args:
-            frames: (B, T, width), the queries, at `times` (B or 1, T).
-            memory: (B, S, width), the keys and values, at `memory_times`; the frames themselves by default.
+            frames: (B, T, width), the queries, at `times` (B or 1, T); with `rows` (N, width), those frames alone.
+            memory: (B, S, width), the keys and values, at `memory_times`; the frames themselves by default. With
+                `memory_rows` (M, width), those frames alone, the only ones that may be `known`.
             known: (B, S) True where the memory may be attended; None for everywhere. Every row needs one True.
 
-        Returns: (B, T, width).
+        Returns: as the frames, (B, T, width) or (N, width).
         """
-        memory = frames if memory is None else memory
+        if memory is None:
+            memory, memory_rows = frames, rows
         memory_times = times if memory_times is None else memory_times
-        query = self._split(self.query(frames))
-        key, value = (self._split(part) for part in self.key_value(memory).chunk(2, dim=-1))
+        asked, held = self.query(frames), self.key_value(memory)
+        asked = asked if rows is None else rows.put(asked)
+        held = held if memory_rows is None else memory_rows.put(held)
+        query = self._split(asked)
+        key, value = (self._split(part) for part in held.chunk(2, dim=-1))
         if self.rotary:
             width = query.shape[-1]
             query = rotate(query, *rotary_angles(times, width))
             key = rotate(key, *rotary_angles(memory_times, width))
         mask = None if known is None else known[:, None, None, :]
-        mixed = attend(query, key, value, mask)
-        return self.out(mixed.transpose(1, 2).flatten(2))
+        mixed = attend(query, key, value, mask).transpose(1, 2).flatten(2)
+        return self.out(mixed if rows is None else rows.take(mixed))
 
     def _split(self, values: Tensor) -> Tensor:
         batch, frames, width = values.shape
@@ -153,10 +186,13 @@ class TimeLayer(nn.Module):
         memory: Tensor | None = None,
         memory_times: Tensor | None = None,
         known: Tensor | None = None,
+        rows: Rows | None = None,
+        memory_rows: Rows | None = None,
     ) -> Tensor:
-        """As `TimeAttention.forward`, with residuals; (B, T, width)."""
+        """As `TimeAttention.forward`, with residuals; (B, T, width), or (N, width) with `rows`."""
         if (memory is None) != (self.memory_norm is None):
             raise ValueError("a layer made with asks_memory is given a memory at every call, and no other layer is")
         asked = None if memory is None or self.memory_norm is None else self.memory_norm(memory)
-        frames = frames + self.attention(self.attention_norm(frames), times, asked, memory_times, known)
+        normed = self.attention_norm(frames)
+        frames = frames + self.attention(normed, times, asked, memory_times, known, rows, memory_rows)
         return frames + self.feed(self.feed_norm(frames))

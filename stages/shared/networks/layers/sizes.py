@@ -124,3 +124,15 @@ class InterpolatorSizes(Sizes):
         description="Largest distance in frames that attention distinguishes; longer ones are treated as this one.",
         ge=1,
     )
+
+
+class MethodSizes(Sizes):
+    """A method that fills one skeleton's poses (`networks/inbetween`); 0 stands for the method's paper's number."""
+
+    width: int = Field(default=0, ge=0, description="Width of the layers; 0 for the paper's.")
+    layers: int = Field(default=0, ge=0, description="Layers of each part; 0 for the paper's.")
+    heads: int = Field(default=0, ge=0, description="Attention heads; 0 for the paper's.")
+
+    def over(self, paper: MethodSizes) -> MethodSizes:
+        """These sizes, with the paper's for those that are 0."""
+        return MethodSizes(**{name: value or getattr(paper, name) for name, value in self.model_dump().items()})

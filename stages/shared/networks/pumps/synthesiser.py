@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from stages.shared.networks.layers.attention import ExactNorm, TimeLayer
+from stages.shared.networks.layers.attention import ExactNorm, Rows, TimeLayer
 from stages.shared.networks.layers.layer_stack import LayerStack
 from stages.shared.networks.layers.sizes import SynthesiserSizes
 
@@ -133,14 +133,66 @@ class LatentSynthesiser(nn.Module):
         base_centroids = torch.where(gate, centroids, base[1])
         origin = centroids.sum(1, keepdim=True) / known.sum(1).view(-1, 1, 1)
 
-        keys = self.embed_key(torch.cat([latents, centroids - origin * gate], dim=-1))
-        keys = self.key_layers(keys, times, known=known)
+        key_inputs = torch.cat([latents, centroids - origin * gate], dim=-1)
         place = place_in_gap(known, times)
-        missing = self.embed_missing(torch.cat([base_latents, base_centroids - origin, place], dim=-1))
-        missing = missing + self.missing_token
-        missing = self.fill_layers(missing, times, memory=keys, memory_times=times, known=known)
-        frames = torch.where(gate, keys, missing)
+        missing_inputs = torch.cat([base_latents, base_centroids - origin, place], dim=-1)
+        # On a GPU, counting the known frames would wait for it.
+        alone = known.device.type == "cpu"
+        frames = self._filled(key_inputs, missing_inputs, known, times, alone=alone)
         frames = self.frame_layers(frames, times, known=valid)
         far = key_distance(known, times).div(_FAR_FRAMES).clamp(max=1).unsqueeze(-1)
         residual = self.out(self.norm(frames)).to(latents.dtype) * torch.where(gate, 0, far)
         return base_latents + residual[..., :-3], base_centroids + _FAR_M * far * residual[..., -3:]
+
+    def _filled(
+        self, key_inputs: Tensor, missing_inputs: Tensor, known: Tensor, times: Tensor, *, alone: bool
+    ) -> Tensor:
+        """The first two stages, (B, T, width): encoded keys where `known`, and missing frames that attended to them.
+
+        With `alone`, keys are computed at known frames only and missing frames at the others, which are all that is
+        read; the result is the same.
+        """
+        keys_at = missing_at = None
+        if alone:
+            keys_at, missing_at = Rows.where(known), Rows.where(~known)
+            key_inputs, missing_inputs = keys_at.take(key_inputs), missing_at.take(missing_inputs)
+        keys = self.key_layers(self.embed_key(key_inputs), times, known=known, rows=keys_at)
+        missing = self.embed_missing(missing_inputs) + self.missing_token
+        missing = self.fill_layers(
+            missing, times, memory=keys, memory_times=times, known=known, rows=missing_at, memory_rows=keys_at
+        )
+        if keys_at is None or missing_at is None:
+            return torch.where(known.unsqueeze(-1), keys, missing)
+        both = keys_at._replace(index=torch.cat([keys_at.index, missing_at.index]))
+        return both.put(torch.cat([keys, missing]))
+
+    def refine(
+        self, latents: Tensor, centroids: Tensor, given: Tensor, times: Tensor, valid: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """All frames anew, from frames that are given but may be wrong: for fine-tuning (PUMPS 5).
+
+        Every frame goes the way of a missing frame: it attends to the encoded given frames, and its residual is added
+        to its own latent, or where it is not given to the interpolated one. No frame is returned as given.
+
+        Args:
+            latents: (B, T, D), read only where `given`. centroids: (B, T, 3) metres, likewise.
+            given: (B, T) True = the frame holds something; at least one in every row.
+            times: (B or 1, T) model frames, real-valued, rising.
+            valid: (B, T) True for real frames, False for padding (never given); None for all.
+
+        Returns: latents (B, T, D) and centroids (B, T, 3).
+        """
+        times = times.expand_as(given)
+        gate = given.unsqueeze(-1)
+        latents, centroids = torch.where(gate, latents, 0), torch.where(gate, centroids, 0)
+        origin = centroids.sum(1, keepdim=True) / given.sum(1).view(-1, 1, 1)
+        keys = self.embed_key(torch.cat([latents, (centroids - origin) * gate], dim=-1))
+        keys = self.key_layers(keys, times, known=given)
+        base = torch.where(gate, latents, interpolate_known(latents, given, times))
+        base_centroids = torch.where(gate, centroids, interpolate_known(centroids, given, times))
+        place = place_in_gap(given, times)
+        frames = self.embed_missing(torch.cat([base, base_centroids - origin, place], dim=-1)) + self.missing_token
+        frames = self.fill_layers(frames, times, memory=keys, memory_times=times, known=given)
+        frames = self.frame_layers(frames, times, known=valid)
+        residual = self.out(self.norm(frames)).to(latents.dtype)
+        return base + residual[..., :-3], base_centroids + _FAR_M * residual[..., -3:]

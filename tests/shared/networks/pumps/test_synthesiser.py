@@ -2,6 +2,8 @@
 
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from stages.shared.networks.layers.sizes import SynthesiserSizes
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser, interpolate_known, neighbouring_keys
@@ -97,3 +99,24 @@ def test_the_base_given_is_what_the_residual_is_added_to():
     filled, placed = network(latents, centroids, KNOWN, times, base=base)
     assert (filled[~KNOWN] == base[0][~KNOWN]).all()
     assert (placed[~KNOWN] == base[1][~KNOWN]).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 4), st.integers(2, 12), st.integers(0, 1000))
+def test_computing_only_the_frames_that_are_read_changes_nothing(batch, frames, seed):
+    """Values and gradients, for any known frames, from one to all of them."""
+    torch.manual_seed(seed)
+    network = LatentSynthesiser(4, SynthesiserSizes(width=8, heads=2, key_layers=2, fill_layers=2, frame_layers=1))
+    known = torch.rand(batch, frames) < torch.rand(())
+    known[torch.arange(batch), torch.randint(frames, (batch,))] = True
+    times = torch.arange(float(frames)).expand(batch, -1)
+    keys = torch.randn(batch, frames, 7, requires_grad=True)
+    missing = torch.randn(batch, frames, 15, requires_grad=True)
+    wanted = [keys, missing, *network.key_layers.parameters(), *network.fill_layers.parameters()]
+    found = []
+    for alone in (False, True):
+        made = network._filled(keys, missing, known, times, alone=alone)
+        gradients = torch.autograd.grad(made.square().sum(), wanted, allow_unused=True, materialize_grads=True)
+        found.append([made, *gradients])
+    for one, other in zip(*found, strict=True):
+        torch.testing.assert_close(one, other, atol=1e-5, rtol=1e-4)

@@ -1,8 +1,8 @@
-"""NAME=VALUE settings."""
+"""Categories of clips by patterns of their sources, and other NAME=VALUE settings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatch
 
 from data_schemas.clips import ClipRow
@@ -23,7 +23,7 @@ def named(flag: str, texts: Sequence[str], taken: Sequence[str] = ()) -> dict[st
     return found
 
 
-def category_of(row: ClipRow, patterns: dict[str, str]) -> str | None:
+def category_of(row: ClipRow, patterns: Mapping[str, str]) -> str | None:
     """The first category whose pattern the clip's source matches, None if there is none; the clip's archive if no
     categories are given."""
     if not patterns:

@@ -1,0 +1,80 @@
+"""`pumps denoise`: a noisy motion in, the same motion cleaned out, and what changed."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from data_schemas.errors import UsageError
+from stages.denoise.config import Config
+from stages.denoise.motion_files import MotionFile, motion_file
+from stages.denoise.selection import check_something_there, chosen_frames, chosen_joints, masked
+from stages.denoise.summary import figures_of, lines_of
+from stages.shared.contract import StageReport
+from stages.shared.formats.writers import SUFFIXES
+from stages.shared.inference.denoising import Denoised, DenoiseOptions, denoise_motion
+from stages.shared.inference.models import load_weights
+from stages.shared.inference.pose_denoising import check_rig, refined
+from stages.shared.inference.pose_model import PoseModel, load_pose_model
+from stages.shared.outputs import check_file, write_output
+from stages.shared.progress import SILENT, Progress
+
+NO_WEIGHTS = "none"
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Clean a motion.
+
+    Raises: UsageError for options that contradict each other; InputError for a file, mask, joints or weights that are
+        bad.
+    """
+    started = time.perf_counter()
+    check_file(config, SUFFIXES.values())
+    if config.weights is not None and config.method != "mend":
+        raise UsageError("--weights is for the method mend.", "Leave --method out, or leave --weights out.")
+    if config.method == "mend" and config.width != 1.0:
+        raise UsageError("--width is for the plain filters.", "Name one with --method, such as savgol.")
+    progress.start("cleaning", 3)
+    file = motion_file(config)
+    progress.advance(note="read")
+    found = clean_file(file, config)
+    progress.advance(note="cleaned")
+    data, losses = file.written(config.output, found.motion, found.changed, found.moved)
+    write_output(config.output, data)
+    progress.advance(note="written")
+    notes = [*file.notes, *losses]
+    seconds = time.perf_counter() - started
+    return StageReport(
+        output=config.output,
+        lines=[*[f"Note: {note}" for note in notes], *lines_of(file.skeleton, found, seconds)],
+        figures={**figures_of(file.skeleton, found), "method": config.method, "seconds": seconds, "notes": notes},
+    )
+
+
+def clean_file(file: MotionFile, config: Config) -> Denoised:
+    """The cleaned motion of a file, within what the config chooses."""
+    skeleton, motion = file.skeleton, file.motion
+    missing = masked(config.mask, motion.frames, skeleton.names) | file.empty[:, None]
+    check_something_there(missing, file.name)
+    joints, positions = chosen_joints(config.joints, skeleton)
+    frames = chosen_frames(config.frames, motion.frames)
+    model = _network(config.weights, config.device)
+    if model is not None:
+        check_rig(model, skeleton)
+    options = DenoiseOptions(config.method, config.width, config.strength, config.seed)
+    return denoise_motion(
+        skeleton,
+        motion,
+        missing,
+        options=options,
+        # Called only for a long gap, since loading weights takes longer than cleaning a short clip.
+        models=None if config.fill == NO_WEIGHTS else lambda: load_weights(config.fill, config.device),
+        refine=None if model is None else lambda noisy, mended: refined(model, skeleton, noisy, mended),
+        frames=frames,
+        joints=joints,
+        positions=positions,
+    )
+
+
+def _network(path: Path | None, device: str) -> PoseModel | None:
+    return None if path is None else load_pose_model(path, ("repair", "denoise"), device)

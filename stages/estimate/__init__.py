@@ -1,0 +1,1 @@
+"""Motion from 2D keypoints."""

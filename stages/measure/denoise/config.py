@@ -1,0 +1,43 @@
+"""Settings of `pumps measure denoise`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
+
+
+class Config(WritingConfig, DeviceConfig, SeededConfig):
+    """Measure plain filters and networks that clean noisy motion, on held-out clips of one rig: PUMPS Table 4."""
+
+    tpc: Path = Field(description="The tpc artefact with clips of the rig.")
+    weights: tuple[str, ...] = Field(
+        (),
+        description="NAME=FOLDER of a checkpoint: of `pumps train finetune --task denoise` or repair, or of "
+        "`pumps train baseline --method` motion-vae or pose-ndf; each is a row of the table.",
+    )
+    skeleton: str | None = Field(None, description="The rig: a BVH; by default that of the first fine-tuned weights.")
+    output: Path = Field(description="Folder of the metrics artefact.")
+    noise: Literal["paper", "capture", "none"] = Field(
+        "paper", description="Preset of the noise; none measures what cleaning does to clean clips."
+    )
+    filters: tuple[str, ...] = Field(
+        ("laplacian", "savgol", "one-euro", "butterworth"), description="Plain filters to measure."
+    )
+    widths: tuple[float, ...] = Field(
+        (0.5, 1, 1.5, 2, 3, 4, 6, 8),
+        description="Widths that each filter may take: the best on the clips of --tune-on is measured.",
+    )
+    tune_on: str = Field("val", description="Split on which the filters' widths are chosen.")
+    tune_windows: int = Field(24, description="Windows of it.", ge=1)
+    splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
+    category: tuple[str, ...] = Field(
+        (),
+        description="NAME=PATTERN: clips whose source matches, such as Walk=*walk*; by default the first word of the "
+        "file's name.",
+    )
+    window: int = Field(128, description="Frames per window, at 30 a second.", ge=8)
+    max_windows: int = Field(0, description="Windows per category, spread evenly over the clips; 0 for all.", ge=0)

@@ -1,0 +1,183 @@
+"""`pumps measure denoise`: methods that clean the same noisy windows, measured by category."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from data_schemas.artefact import write_artefact
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.clips import ClipRow
+from data_schemas.errors import InputError, UsageError
+from data_schemas.manifest import open_artefact
+from data_schemas.metrics import MetricRow, write_metrics
+from data_schemas.tpc import TpcReader
+from stages.measure.denoise.config import Config
+from stages.measure.denoise.methods import (
+    MEND,
+    NOISY,
+    Cleaner,
+    best_widths,
+    filter_cleaner,
+    mending_cleaner,
+    network_cleaner,
+    prior_cleaner,
+)
+from stages.measure.denoise.summary import METRICS, summary_md, terminal_lines
+from stages.shared.contract import StageReport
+from stages.shared.formats.rig_file import rig_of_file
+from stages.shared.inference.pose_filling import Interpolator, is_interpolator, load_interpolator
+from stages.shared.inference.pose_model import PoseModel, load_pose_model
+from stages.shared.kinematics.motion_filters import FILTERS
+from stages.shared.outputs import check_artefact
+from stages.shared.pointcloud.rig import Rig
+from stages.shared.pose_tasks.body_pose import BodyPose
+from stages.shared.pose_tasks.denoise import DenoiseTask
+from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.metrics import acceleration_mm, mpjae_deg, mpjpe_mm
+from stages.shared.statistics.rig_windows import windows_by_category
+from stages.shared.statistics.tasks import DENOISING
+from stages.shared.training.pose_training import sets_of_rig
+from stages.shared.weights.shipped import named_source
+
+_NO_NOISE = "none"
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Measure every method on the same noisy windows; write `metrics`.
+
+    Raises: UsageError for an unknown filter, two rows of one name or no rig; InputError for networks of another rig,
+        or where no held-out clip of the rig is long enough.
+    """
+    check_artefact(config, "metrics")
+    for name in config.filters:
+        if name not in FILTERS:
+            raise UsageError(f"There is no filter {name!r}.", f"Take of {', '.join(FILTERS)}.")
+    models, priors = _loaded(config)
+    rig = _rig(config, models)
+    with TpcReader(config.tpc) as reader:
+        own = sets_of_rig(reader, rig)
+        measured = (config.category, config.window, config.max_windows, config.tpc)
+        windows = [*windows_by_category(reader.clips, own, config.splits, *measured)]
+        widths = _tuned(reader, rig, config)
+        methods = _methods(rig, models, priors, widths)
+        progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(methods))
+        rows = []
+        for category, clip, starts in windows:
+            clean = _clean(reader, clip, starts, config.window)
+            noisy = _noisy(rig, clean, clip, starts, config)
+            for name, cleaner in methods.items():
+                figures = _figures(rig, cleaner(noisy), clean)
+                place = (clip.clip, clip.skeleton, category, name, DENOISING, config.window)
+                for metric, value in zip(METRICS, figures, strict=True):
+                    rows.append(MetricRow(*place, metric, value, windows=len(starts)))
+                progress.advance(len(starts), f"{category}, {name}")
+        inputs = [reader.artefact, *(open_artefact(_source(text), "checkpoint") for text in config.weights)]
+    with write_artefact(config.output, "metrics", stage="measure-denoise", config=config, inputs=inputs) as draft:
+        count = sum(len(starts) for *_, starts in windows)
+        draft.summary.update(windows=count, methods=[*methods], widths=dict(widths))
+        write_metrics(draft.folder, rows, summary_md(config, rows, models, priors, widths))
+    return StageReport(
+        output=config.output,
+        lines=[*terminal_lines(rows, config.seed), f"Full tables: {config.output}, summary.md."],
+        figures={"windows": count, "methods": [*methods], "widths": dict(widths)},
+    )
+
+
+def _source(text: str) -> Path:
+    return Path(named_source(text)[1])
+
+
+def _loaded(config: Config) -> tuple[dict[str, PoseModel], dict[str, Interpolator]]:
+    """Fine-tuned networks and priors by name."""
+    models: dict[str, PoseModel] = {}
+    priors: dict[str, Interpolator] = {}
+    for text in config.weights:
+        name, source = named_source(text)
+        if name in {NOISY, MEND, *config.filters, *models, *priors}:
+            raise UsageError(f"Two rows are called {name!r}.", f"Give another name: --weights NAME={source}.")
+        kept = read_checkpoint(open_artefact(source, "checkpoint"), optimiser=False)
+        if not is_interpolator(kept.config):
+            models[name] = load_pose_model(source, ("denoise", "repair"), config.device)
+            continue
+        priors[name] = load_interpolator(source, config.device)
+        if not priors[name].denoises:
+            raise InputError(
+                f"{source} holds a network that fills gaps and cannot clean noisy motion.",
+                "Train one with --method motion-vae or pose-ndf.",
+            )
+    return models, priors
+
+
+def _rig(config: Config, models: dict[str, PoseModel]) -> Rig:
+    """The rig that is measured. Raises UsageError if nothing names it, InputError for networks of several rigs."""
+    if not models and config.skeleton is None:
+        raise UsageError("Nothing says which rig is measured.", "Give --skeleton rig.bvh.")
+    rigs = {name: model.rig for name, model in models.items()}
+    if config.skeleton is not None:
+        rigs = {config.skeleton: rig_of_file(config.skeleton), **rigs}
+    (first, rig), *others = rigs.items()
+    for name, other in others:
+        if other.skeleton.names != rig.skeleton.names or not np.allclose(other.body.tails, rig.body.tails, atol=1e-3):
+            raise InputError(f"{first} and {name} are of different rigs.", "Measure them one by one.")
+    return rig
+
+
+def _methods(
+    rig: Rig, models: dict[str, PoseModel], priors: dict[str, Interpolator], widths: dict[str, float]
+) -> dict[str, Cleaner]:
+    for name, prior in priors.items():
+        prior.check_hierarchy(rig.body.parents, rig.body.groups.numpy(), f"the rig that {name} is measured on")
+    return {
+        NOISY: lambda noisy: noisy,
+        **{name: filter_cleaner(rig, FILTERS[name], width) for name, width in widths.items()},
+        MEND: mending_cleaner(rig),
+        **{name: prior_cleaner(rig, prior) for name, prior in priors.items()},
+        **{name: network_cleaner(model) for name, model in models.items()},
+    }
+
+
+def _tuned(reader: TpcReader, rig: Rig, config: Config) -> dict[str, float]:
+    """The width of each filter: of several the best on windows of another split, which see the same noise."""
+    if len(config.widths) == 1 or not config.filters:
+        return {name: config.widths[0] for name in config.filters}
+    own = sets_of_rig(reader, rig)
+    chosen = (("all=*",), config.window, config.tune_windows, config.tpc)
+    found = [*windows_by_category(reader.clips, own, (config.tune_on,), *chosen)]
+    clean = [_clean(reader, clip, starts, config.window) for _, clip, starts in found]
+    # Filters that are measured on clean clips are those that the paper's noise asks for.
+    noise = config if config.noise != _NO_NOISE else config.model_copy(update={"noise": "paper"})
+    noisy = [_noisy(rig, each, clip, starts, noise) for each, (_, clip, starts) in zip(clean, found, strict=True)]
+    return dict(best_widths(rig, config.filters, config.widths, _joined(noisy), _joined(clean)))
+
+
+def _joined(parts: list[BodyPose]) -> BodyPose:
+    return BodyPose(torch.cat([each.roots for each in parts]), torch.cat([each.rotations for each in parts]))
+
+
+def _clean(reader: TpcReader, clip: ClipRow, starts: list[int], window: int) -> BodyPose:
+    """The true windows (B, T) of a clip."""
+    parts = [reader.transforms(clip.clip, start, start + window) for start in starts]
+    roots = torch.from_numpy(np.stack([heads[:, 0] for heads, _ in parts])).float()
+    return BodyPose(roots, torch.from_numpy(np.stack([rotations for _, rotations in parts])).float())
+
+
+def _noisy(rig: Rig, clean: BodyPose, clip: ClipRow, starts: list[int], config: Config) -> BodyPose:
+    """The windows with noise, which depends on the seed, the clip and the start alone."""
+    if config.noise == _NO_NOISE:
+        return clean
+    name = zlib.crc32(clip.clip.encode("utf-8", "surrogateescape"))
+    return DenoiseTask(rig, config.noise).corrupted(
+        clean, [np.random.default_rng([config.seed, name, start]) for start in starts]
+    )
+
+
+def _figures(rig: Rig, made: BodyPose, truth: BodyPose) -> list[float]:
+    """The means over windows of `METRICS`."""
+    heads = [pose.heads(rig.body).double().numpy() for pose in (made, truth)]
+    turns = [pose.rotations.double().numpy() for pose in (made, truth)]
+    found = (mpjpe_mm(*heads), acceleration_mm(*heads), mpjae_deg(*turns))
+    return [float(np.mean(each)) for each in found]

@@ -1,0 +1,1 @@
+"""2D keypoints of a motion, as a camera and a detector would give them."""

@@ -1,0 +1,94 @@
+"""The tasks `denoise` (PUMPS 5.2) and `repair`: noisy poses of one rig in, clean poses out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from stages.shared.kinematics.forward import global_rotations, local_rotations
+from stages.shared.pose_tasks.body_pose import BodyPose, placing_of, pose_features
+from stages.shared.pose_tasks.noise import NOISES
+from stages.shared.pose_tasks.task import PoseTask, TaskBatch
+from stages.shared.solve.robust_smoothing import mend_poses
+
+
+@dataclass(frozen=True)
+class SeenNoise:
+    """What the network sees of noisy windows: features, given (B, T), the base, and how they were placed."""
+
+    features: Tensor
+    given: Tensor
+    base: BodyPose
+    yaw: Tensor
+    centre: Tensor
+
+
+class DenoiseTask(PoseTask):
+    """Noise from a preset of `noise.py`; the network's outputs are added to the noisy pose itself."""
+
+    name: ClassVar[str] = "denoise"
+    corruptions: ClassVar[tuple[str, ...]] = tuple(NOISES)
+
+    @property
+    def features(self) -> int:
+        return 3 + 9 * len(self.rig.body.joints)
+
+    def see(self, noisy: BodyPose, given: Tensor, mended: BodyPose | None = None) -> SeenNoise:
+        """The network's input for noisy windows; frames that are not `given` (B, T) are not read.
+
+        mended: the same windows after `mend_poses`, which only `repair` looks at.
+        """
+        yaw, centre = placing_of(noisy, self.rig.body, given)
+        placed = noisy.placed(yaw, centre)
+        return SeenNoise(pose_features(placed, self.rig.body), given, placed, yaw, centre)
+
+    def draw(self, clean: BodyPose, valid: Tensor, rows: Sequence[np.random.Generator]) -> TaskBatch:
+        noisy = self.corrupted(clean, rows)
+        seen = self.see(noisy, valid)
+        return TaskBatch(seen.features, valid, seen.base, clean.placed(seen.yaw, seen.centre), valid)
+
+    def corrupted(self, clean: BodyPose, rows: Sequence[np.random.Generator]) -> BodyPose:
+        """Noise on each window, from its own generator."""
+        parents = self.rig.body.parents
+        local = local_rotations(clean.rotations, parents).numpy()
+        made = [
+            NOISES[self.corruption](root, turn, row)[:2]
+            for root, turn, row in zip(clean.roots.numpy(), local, rows, strict=True)
+        ]
+        return _pose_of(made, parents)
+
+
+class RepairTask(DenoiseTask):
+    """The same noise, after `mend_poses`: the network learns what that cannot mend, such as drifts."""
+
+    name: ClassVar[str] = "repair"
+
+    @property
+    def features(self) -> int:
+        return 2 * super().features
+
+    def see(self, noisy: BodyPose, given: Tensor, mended: BodyPose | None = None) -> SeenNoise:
+        mended = self.mended(noisy) if mended is None else mended
+        yaw, centre = placing_of(mended, self.rig.body, given)
+        parts = [pose.placed(yaw, centre) for pose in (noisy, mended)]
+        features = torch.cat([pose_features(pose, self.rig.body) for pose in parts], dim=-1)
+        return SeenNoise(features, given, parts[1], yaw, centre)
+
+    def mended(self, noisy: BodyPose) -> BodyPose:
+        """Each window mended by itself."""
+        parents = self.rig.body.parents
+        local = local_rotations(noisy.rotations, parents).numpy()
+        found = [mend_poses(turn, root) for root, turn in zip(noisy.roots.numpy(), local, strict=True)]
+        return _pose_of([(each.positions, each.local) for each in found], parents)
+
+
+def _pose_of(parts: Sequence[tuple[np.ndarray, np.ndarray]], parents: np.ndarray) -> BodyPose:
+    """Roots (T, 3) and local rotations (T, J, 4) of each window as one pose."""
+    roots = torch.from_numpy(np.stack([roots for roots, _ in parts])).float()
+    local = torch.from_numpy(np.stack([local for _, local in parts])).float()
+    return BodyPose(roots, global_rotations(local, parents))

@@ -1,0 +1,177 @@
+"""Mend noisy and missing frames from the clean ones, and take off the jitter that is left.
+
+No model is needed: noise is found in the motion itself (`stages.shared.kinematics.noisy_frames`), noisy values count
+for almost nothing in Whittaker's smoother, and clean ones stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stages.shared.kinematics.noisy_frames import errors_from_clean, noisy_frames, noisy_joints
+from stages.shared.kinematics.rotations import continuous_signs
+from stages.shared.solve.smoothing import smooth_as_needed, smooth_corrections
+
+_MISSING_WEIGHT = 1e-6  # of a missing frame, against 1
+_SPAN = 0.3  # frames; so short that the curve meets the clean frames
+_MANY = 0.1  # with more noisy frames than this, the frames between them are too few to judge joints alone
+_JITTER_RAD = np.radians(0.15)  # root mean square; a joint whose jitter is less stays as it is
+_JITTER_M = 0.001
+_FROZEN_FRAMES = 4
+_FROZEN_JUMP = 4.0  # times the joint's usual step: how far it jumps where it is frozen or freed
+_LOST_DEGREES = 10.0
+
+
+@dataclass(frozen=True)
+class Mended:
+    """local (T, J, 4) unit float64, positions (T, C), noisy (T, J) True where a joint was mended, frames (T,) True
+    where the whole frame was."""
+
+    local: np.ndarray
+    positions: np.ndarray
+    noisy: np.ndarray
+    frames: np.ndarray
+
+
+def mend_poses(local: np.ndarray, positions: np.ndarray, missing: np.ndarray | None = None) -> Mended:
+    """Find noisy frames and joints, put what clean frames say in their place, smooth jitter.
+
+    Args:
+        local: (T, J, 4) unit quaternions in the parents' frames. positions: (T, C) position channels, metres.
+        missing: (T, J) True where a rotation is not there; positions of frames with no joint there are missing too.
+
+    In each column of `missing` one frame at least must be there.
+    """
+    frames, joints = local.shape[:2]
+    gone = np.zeros((frames, joints), bool) if missing is None else missing.copy()
+    empty = np.asarray(gone.all(axis=1))
+    curves = continuous_signs(_bridged(np.asarray(local, np.float64), gone))
+    places = _bridged(np.asarray(positions, np.float64)[:, None], empty[:, None])[:, 0]
+    if frames < 5:
+        return Mended(curves, places, gone, empty)
+    stuck = lost_joints(curves) | frozen_joints(curves)
+    noisy = np.zeros(frames, bool)
+    there = np.flatnonzero(~empty)
+    noisy[there] = noisy_frames(curves[there])
+    bad = gone | stuck | noisy[:, None]
+    if noisy.mean() < _MANY:
+        bad |= noisy_joints(curves, ~(noisy | empty))
+    whole = noisy | empty
+    made = curves.copy()
+    weights = np.where(gone | stuck, _MISSING_WEIGHT, noise_weight(curves, noisy, empty))
+    for columns in _alike(bad):
+        first = columns[0]
+        made[:, columns] = _mended(made[:, columns].reshape(frames, -1), bad[:, first], weights[:, first]).reshape(
+            frames, len(columns), 4
+        )
+    made = _unit(made)
+    places = _mended(
+        places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0])
+    )
+    return Mended(_without_jitter(made), _positions_without_jitter(places), bad, whole)
+
+
+def lost_joints(rotations: np.ndarray) -> np.ndarray:
+    """(T, J) True where a joint's rotation is exactly the identity and its usual rotation is another: zeros that a
+    tracker wrote for a joint that it lost."""
+    zero = np.abs(rotations[..., :3]).max(-1) < 1e-6
+    usual = np.degrees(2 * np.arccos(np.clip(np.abs(rotations[..., 3]), 0, 1)))
+    far = np.array([np.median(usual[~zero[:, joint], joint]) if not zero[:, joint].all() else 0 for joint in
+                    range(rotations.shape[1])])  # fmt: skip
+    return zero & (far > _LOST_DEGREES) & (zero.mean(0) < 0.5)
+
+
+def frozen_joints(rotations: np.ndarray) -> np.ndarray:
+    """(T, J) True in frames where a joint holds exactly the rotation of the frame before, for 4 frames or more, and
+    jumps when it is freed. A pose that is held and left smoothly is none."""
+    step = np.linalg.norm(np.diff(rotations, axis=0), axis=-1)
+    found = np.zeros(rotations.shape[:2], bool)
+    for joint in range(rotations.shape[1]):
+        moves = step[:, joint] > 1e-7
+        if moves.mean() < 0.5:  # a joint that mostly stands still is held on purpose
+            continue
+        usual = np.median(step[moves, joint])
+        edges = np.flatnonzero(np.diff(np.concatenate([[True], moves, [True]]).astype(int)))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            freed = step[stop, joint] if stop < len(step) else 0.0
+            if stop - start >= _FROZEN_FRAMES and freed > _FROZEN_JUMP * usual:
+                found[start + 1 : stop + 1, joint] = True
+    return found
+
+
+def _bridged(values: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Values (T, J, C) with missing ones (T, J) on lines between those that are there."""
+    out = np.where(missing[..., None], 0.0, values)
+    frames = np.arange(len(values))
+    for column in np.flatnonzero(missing.any(axis=0)):
+        at = np.flatnonzero(~missing[:, column])
+        if len(at) == 0:
+            out[:, column] = [0.0, 0.0, 0.0, 1.0][: values.shape[2]]
+            continue
+        there = values[at, column]
+        there = continuous_signs(there) if values.shape[2] == 4 else there
+        for part in range(values.shape[2]):
+            out[:, column, part] = np.interp(frames, at, there[:, part])
+    return _unit(out) if values.shape[2] == 4 else out
+
+
+def _alike(bad: np.ndarray) -> list[np.ndarray]:
+    """Joints with the same bad frames, which are mended together; those without any are left out."""
+    by_pattern: dict[bytes, list[int]] = {}
+    for joint in np.flatnonzero(bad.any(axis=0)):
+        by_pattern.setdefault(bad[:, joint].tobytes(), []).append(int(joint))
+    return [np.array(joints) for joints in by_pattern.values()]
+
+
+def noise_weight(values: np.ndarray, noisy: np.ndarray, empty: np.ndarray) -> np.ndarray:
+    """The weight of a noisy frame in the smoother, (1, J), against 1 for a clean one.
+
+    The smoother's curve is the most probable one if weights are the ratio of the acceleration's variance to the
+    noise's, times span^4. A line through the frames beside a frame misses it by half its acceleration; a noisy one,
+    by its noise.
+
+    Args:
+        values: (T, J, C). noisy, empty: (T,) noisy frames, and those without values.
+    """
+    joints = values.shape[1]
+    clean = ~(noisy | empty)
+    least = np.full((1, joints), _MISSING_WEIGHT)
+    if not noisy.any() or clean.sum() < 3 or values.shape[2] == 0:
+        return least
+    weights = least.copy()
+    for joint in range(joints):
+        error, gap = errors_from_clean(values[:, joint : joint + 1], clean)
+        bend, noise = 2 * np.median(error[clean] / gap[clean]), np.median(error[noisy])
+        weights[0, joint] = _SPAN**4 * bend**2 / max(noise**2, 1e-12)
+    return np.clip(weights, _MISSING_WEIGHT, 1.0)
+
+
+def _mended(curves: np.ndarray, bad: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Curves (T, F) whose bad frames (T,) follow from the others and, by their weights (T,), from themselves."""
+    if not bad.any() or bad.all():
+        return curves
+    times = np.arange(len(curves), dtype=float)
+    weights = np.where(bad, weights, 1.0)
+    smooth = smooth_corrections(curves, np.zeros_like(curves), times, np.zeros(len(curves), bool), _SPAN, weights)
+    return np.where(bad[:, None], smooth, curves)
+
+
+def _without_jitter(rotations: np.ndarray) -> np.ndarray:
+    smooth = _unit(smooth_as_needed(rotations.reshape(len(rotations), -1), together=4).reshape(rotations.shape))
+    turned = 2 * np.linalg.norm(smooth - rotations, axis=-1)  # radians, of small turns
+    jitters = np.sqrt((turned**2).mean(0)) > _JITTER_RAD
+    return np.where(jitters[None, :, None], smooth, rotations)
+
+
+def _positions_without_jitter(positions: np.ndarray) -> np.ndarray:
+    if positions.shape[1] == 0:
+        return positions
+    smooth = smooth_as_needed(positions, together=3)
+    jitters = np.sqrt(((smooth - positions) ** 2).reshape(len(positions), -1, 3).sum(-1).mean(0)) > _JITTER_M
+    return np.where(np.repeat(jitters, 3)[None], smooth, positions)
+
+
+def _unit(rotations: np.ndarray) -> np.ndarray:
+    return rotations / np.maximum(np.linalg.norm(rotations, axis=-1, keepdims=True), 1e-9)

@@ -1,0 +1,164 @@
+"""Every command that writes, once for each form of its output, with small settings; later ones read earlier ones.
+
+In the words, {made} is the folder of what earlier commands wrote and {out} is where this one writes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+CLIPS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "clips"
+_ENCODER = "--encoder.width 8 --encoder.blocks 2 --encoder.neighbours 4 --encoder.heads 2"
+_TRAINING = (
+    "--steps 2 --batch 2 --window 32 --points 24 --warmup 1 --validate-every 2 --checkpoint-every 1 --device cpu"
+)
+_LAYERS = "--synthesiser.key-layers 1 --synthesiser.fill-layers 1 --synthesiser.frame-layers 1"
+_ALL = "--splits train --splits val --splits test"
+
+
+@dataclass(frozen=True)
+class Writing:
+    """A command line that writes.
+
+    name:      where its output lies: {made}/NAME at first, and then {out}, a path of the same last part.
+    command:   the words after `pumps` that name the command.
+    words:     its arguments.
+    asks:      whether it needs --overwrite where there is an old output.
+    replaces:  whether it writes although the same output is there.
+    adds_to:   its output is put into a copy of this earlier output, which it reads too.
+    """
+
+    name: str
+    command: str
+    words: str
+    asks: bool = True
+    replaces: bool = True
+    adds_to: str = ""
+
+
+WRITINGS = (
+    Writing(
+        "motion", "ingest auto",
+        f"{CLIPS}/kick.bvh {CLIPS}/dance_a.bvh {CLIPS}/punch.bvh --splits {CLIPS}/splits.json --licence CC0 "
+        "--workers 1 -o {out}",
+    ),
+    Writing("tpc", "sample-tpc", "--motion {made}/motion --points 64 -o {out}"),
+    Writing("baked", "sample-tpc", "--motion {made}/motion --points 64 --bake -o {out}"),
+    Writing(
+        "run/train-ae", "train ae",
+        f"--tpc {{made}}/tpc {_TRAINING} {_ENCODER} --decoder.width 16 --decoder.layers 1 --decoder.heads 2 "
+        "--decoder.noise 4 --decoder.point-width 8 --decoder.point-hidden 8 -o {out}",
+    ),
+    Writing("latent", "encode", "--tpc {made}/tpc --ae {made}/run/train-ae --device cpu -o {out}"),
+    Writing(
+        "run/train-lms", "train lms",
+        f"--tpc {{made}}/tpc --ae {{made}}/run/train-ae {_TRAINING} --synthesiser.width 16 --synthesiser.heads 2 "
+        f"{_LAYERS} --reuse 2 --kept-windows 4 -o {{out}}",
+    ),
+    Writing(
+        "rig-network", "train skeleton",
+        f"--tpc {{made}}/tpc --skeleton {CLIPS}/kick.bvh {_TRAINING} {_ENCODER} --loss-points 24 --network.width 16 "
+        "--network.layers 1 --network.heads 2 -o {out}",
+    ),
+    Writing(
+        "interpolator", "train citl",
+        f"--tpc {{made}}/tpc {_TRAINING} --network.width 16 --network.heads 2 --network.key-layers 1 "
+        "--network.fill-layers 1 --network.frame-layers 1 -o {out}",
+    ),
+    Writing("picked", "data pick", "--motion {made}/motion --count 1 -o {out}"),
+    *(
+        Writing(
+            f"filled{suffix}", "infill",
+            f"{CLIPS}/kick.bvh --keyframes every:15 --weights {{made}}/run --points 32 --device cpu -o {{out}}",
+        )
+        for suffix in (".bvh", ".csv")
+    ),
+    Writing(
+        "clouds", "decode",
+        f"--latent {{made}}/latent --ae {{made}}/run/train-ae --points 32 --device cpu {_ALL} -o {{out}}",
+    ),
+    Writing(
+        "decoded", "decode",
+        "--tpc {made}/tpc --network {made}/rig-network --points 32 --splits test --device cpu -o {out}",
+    ),
+    Writing(
+        "measured", "evaluate",
+        "--motion {made}/motion --weights mine={made}/run --tasks transition --transitions 15 "
+        "--max-windows 1 --points 32 --device cpu -o {out}",
+    ),
+    Writing(
+        "page.html", "report",
+        f"--metrics {{made}}/measured --checkpoints {{made}}/run/train-ae --motions kick/truth={CLIPS}/kick.bvh "
+        "--licences CC0 -o {out}",
+    ),
+    Writing("drawn/page.html", "report", f"--motions kick/truth={CLIPS}/kick.bvh --picture {{out}}.svg -o {{out}}"),
+    *(
+        Writing(f"moved{suffix}", "retarget", f"{CLIPS}/kick.bvh --to {CLIPS}/punch.bvh --method turns -o {{out}}")
+        for suffix in (".bvh", ".npz")
+    ),
+    Writing("rerigged", "data rerig", f"--motion {{made}}/motion --rigs {{made}}/rigs {_ALL} -o {{out}}"),
+    Writing("averaged", "weights average", "{made}/run/train-lms {made}/run/train-lms -o {out}"),
+    Writing(
+        "measured-ae", "measure ae",
+        "--tpc {made}/tpc --weights mine={made}/run/train-ae --splits test --max-windows 1 --window 32 --points 24 "
+        "--pictures 1 --device cpu -o {out}",
+    ),
+    Writing(
+        "measured-latents", "measure latents",
+        "--motion {made}/motion --weights {made}/run --splits test --max-windows 1 --window 8 --device cpu -o {out}",
+    ),
+    Writing(
+        "measured-pcmrl", "measure pcmrl",
+        "--truth {made}/tpc --weights mine={made}/interpolator --intervals 15 --window 46 --splits test --points 32 "
+        "--device cpu -o {out}",
+    ),
+    Writing(
+        "measured-motions", "measure motions",
+        "--truth {made}/motion --made same={made}/motion --splits test --window 46 -o {out}",
+    ),
+    Writing(
+        "solved/metrics", "measure solve",
+        "--motion {made}/motion --intervals 15 --conditions true --points 32 --made {out}-kept --device cpu -o {out}",
+    ),
+    Writing("packed", "weights pack", "{made}/run -o {out}"),
+    Writing(
+        "calibrated", "weights calibrate",
+        "{out} --motion {made}/motion --splits train --splits val --max-windows 1 --intervals 15 --transitions 15 "
+        "--predictions 15 --window 46 --points 32 --device cpu",
+        adds_to="packed",
+    ),
+    *(
+        Writing(f"one{suffix}", "export", f"{CLIPS}/kick.bvh -o {{out}}")
+        for suffix in (".glb", ".npz", ".csv", ".parquet")
+    ),
+    *(
+        Writing(f"all-{form}", "export", f"{{made}}/motion --format {form} -o {{out}}")
+        for form in ("bvh", "glb", "amass", "csv", "parquet")
+    ),
+    Writing(
+        "fetched", "data fetch",
+        "walks --catalogue {made}/catalogue.toml --acceptances {made}/accepted.json --accept-licence -o {out}",
+        replaces=False,
+    ),
+    Writing("merged", "artefact merge", "{made}/part-1 {made}/part-2 -o {out}"),
+    Writing("written", "config write", "--run {out} --preset tiny --source {made}/motion", asks=False),
+    Writing("page.md", "formats", "--page {out}", asks=False),
+)  # fmt: skip
+FIRST_FORMS = tuple({writing.command: writing for writing in reversed(WRITINGS)}.values())
+# What some of these read besides.
+PREPARED = (
+    Writing("rigs", "ingest bvh", "{made}/rig.bvh --workers 1 -o {out}"),
+    *(
+        Writing(f"part-{part}", "sample-tpc", f"--motion {{made}}/motion --points 64 --shard {part}/2 -o {{out}}")
+        for part in (1, 2)
+    ),
+)
+
+# Commands beside the stages that only print.
+PRINTING = frozenset(
+    {
+        "artefact show", "artefact verify", "artefact lineage", "config list", "config show", "config recipes",
+        "results", "stages",
+    }
+)  # fmt: skip
