@@ -136,6 +136,26 @@ def fill_motion(
     known, fps = np.asarray(known, bool), motion.fps
     if known.all():
         return nothing_to_fill(motion)
+    solved, base, wander_m = _solved(skeleton, motion, known, source, points, seed, device, options)
+    # 3: finish
+    eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
+    plain = solved.plain
+    del solved  # of a long clip every pose takes much memory
+    held = lock_feet(eased, known, fps) if options.foot_lock and has_feet(skeleton) else eased
+    return measured_fill(known, fps, held, plain, loose=eased, base=base, wander_m=wander_m)
+
+
+def _solved(
+    skeleton: Skeleton,
+    motion: Motion,
+    known: np.ndarray,
+    source: CloudSource,
+    points: int,
+    seed: int,
+    device: torch.device | str,
+    options: FillOptions,
+) -> tuple[Solved, SkeletonPose, float]:
+    """Steps 1 and 2: the corrected clip, the plain interpolation, and how far points stray in their bones' frames."""
     start = start_from(skeleton, motion, known, source, device=device, options=options)
     with torch.no_grad():
         # 1: find
@@ -143,12 +163,8 @@ def fill_motion(
         # 2: solve
         corrections = solve_clouds(start, clouds, options.solve)
         solved = apply_corrections(start, corrections, known, options, source.confidence)
-    # 3: finish
-    eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
-    held = lock_feet(eased, known, fps) if options.foot_lock and has_feet(skeleton) else eased
     base = start.given.with_rows(np.flatnonzero(~known), start.base)
-    wander_m = float(clouds.binding.wander.nanmedian())
-    return measured_fill(known, fps, held, solved.plain, loose=eased, base=base, wander_m=wander_m)
+    return solved, base, float(clouds.binding.wander.nanmedian())
 
 
 def _check(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> None:
