@@ -162,7 +162,7 @@ BAD = {
         deeplabcut({"": person("coco17")}, tuple(f"whisker{at}" for at in range(17))), {}, "not those of a human",
     ),
     "frames far apart": (
-        json.dumps([{"image_id": t * 10**6, "keypoints": [1.0] * 51} for t in range(3)]).encode(), {},
+        json.dumps([{"image_id": t * 10**6, "keypoints": list(range(1, 52))} for t in range(3)]).encode(), {},
         "nearly all are missing",
     ),
     "numbers that are none": (b'[{"image_id": 1, "keypoints": ["a", "b", "c"]}]', {}, "not numbers"),
