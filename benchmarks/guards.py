@@ -1,4 +1,4 @@
-"""Run all benchmarks that guard a figure, one after another, each in one thread: less than ten minutes on two cores.
+"""Run all benchmarks that guard a figure, one after another, each in one thread: meant to end within ten minutes on two idle cores.
 
     make bench
 
