@@ -2,7 +2,7 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
-# make table1      PUMPS Table 1: ten methods on two rigs, BUDGET=12 minutes of training each, WINDOWS=40 of each kind of
+# make table1      PUMPS Table 1: eight methods trained on each of two rigs, BUDGET=12 minutes each, WINDOWS=40 of each kind of
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
@@ -23,7 +23,7 @@
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
-# make bench       what guards a figure, in ten minutes; bench-compare BASE=COMMIT fails if one fell by more than a tenth
+# make bench       all benchmarks that guard a figure; make bench-compare BASE=COMMIT fails if one takes over 1.1 times as long
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'

@@ -132,7 +132,8 @@ def main() -> None:
                 continue
             for counts, named in fills:
                 rows[name] = rows.get(name, Counts()) + counts
-                print(*named if arguments.show else (), sep="\n", end="\n" if arguments.show and named else "")
+                if arguments.show and named:
+                    print("\n".join(named))
     rows["all"] = sum(rows.values(), Counts())
     print("| recordings | fills | gaps | places | of them reported |", "|---|---:|---:|---:|---:|", sep="\n")
     for name, each in rows.items():

@@ -1,4 +1,6 @@
-"""Run all benchmarks that guard a figure, one after another, each in one thread: less than ten minutes on two cores.
+"""Run all benchmarks that guard a figure, one after another, each in one thread.
+
+This is meant to end within ten minutes on two idle cores.
 
     make bench
 

@@ -49,7 +49,7 @@ CLIPS, DATA = ROOT / "stages" / "shared" / "clips", ROOT.parent / "shared" / "da
 NEEDS_MORE = ("action2motion-samples.zip",)  # joint positions, which need a skeleton that is named
 TASKS = (Task(INTERPOLATION, 15, 121), Task(INTERPOLATION, 30, 121), Task(TRANSITION, 30, 121))
 HELD, LOOSE, TRUE = "held", "loose", "truth"
-# Held legs count as worse than loose ones by more than what float32 poses round.
+# A held leg counts as worse than a loose one if the figure is larger by more than the rounding of float32 poses.
 ROUNDED = {
     "largest_turn_deg": np.degrees(ROUNDING),
     "largest_acceleration_mps2": MODEL_FPS**2 * ROUNDING,

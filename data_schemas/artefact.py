@@ -24,7 +24,15 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from data_schemas.content_digest import content_digest
-from data_schemas.disk import cannot_be_written, check_room, disk_faults_reported, flush_to_disk, write_flushed
+from data_schemas.disk import (
+    cannot_be_written,
+    check_room,
+    disk_faults_reported,
+    flush_to_disk,
+    missing_above,
+    remove_empty,
+    write_flushed,
+)
 from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.kinds import KINDS
 from data_schemas.lineage import LineageNode, covers_manifest, lineage, verify
@@ -223,7 +231,7 @@ def _relative(where: Path, to: Path) -> str:
 
 def _make_folder(path: Path) -> list[Path]:
     """Make the folder and those above it. Returns those above it that were not there, the lowest first."""
-    missing = [folder for folder in path.parents if not folder.exists()]
+    missing = missing_above(path)
     try:
         if not path.is_dir():
             path.mkdir(parents=True, exist_ok=True)
@@ -369,5 +377,4 @@ def _remove_if_empty(path: Path, made: Sequence[Path]) -> None:
                 return
             (path / LOCK_NAME).unlink(missing_ok=True)
             path.rmdir()
-        for folder in made:
-            folder.rmdir()
+    remove_empty(made)

@@ -1,8 +1,8 @@
 """Digests of the content of data files: arrays, tables and settings, independent of compression and recorded times.
 
-Two runs with the same inputs, settings and seed make the same arrays, but not always the same bytes: LZF, by
-which older artefacts are compressed, has a table that it does not clear, and a training records how long it took. An
-artefact's digest is made of these:
+Two runs with the same inputs, settings and seed make the same arrays, but not always the same bytes: LZF, which
+compresses older artefacts, does not clear its table, and a training records its duration. An artefact's digest
+is made of these:
 
     *.h5                    every group, attribute and array: name, type, shape, values
     *.parquet               every column: name, type, values

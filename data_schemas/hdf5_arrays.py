@@ -11,20 +11,21 @@ from data_schemas.declared_sizes import check_stored_array
 
 CHUNK_FRAMES = 256  # a training window of 128 frames lies in one or two chunks
 _UNIT_TOLERANCE = 0.01
-_ROTATIONS_AT_ONCE = 1 << 14  # what they take stays in a processor's cache
+_ROTATIONS_AT_ONCE = 1 << 14  # their arrays fit into a processor's cache
 _TEXT_LIMIT_BYTES = 64 * 2**20
 
 
 def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
     """Store an array (T, ...) in chunks of equally many frames, with checksums, for reading windows of it.
 
-    Motions hardly compress: LZF makes their files up to a fifth smaller, and takes longer than parsing their text.
+    Motions hardly compress: LZF makes their files a little smaller, and takes longer than parsing their
+    text (`benchmarks/reading.py`).
     """
     if 0 in values.shape:
         group.create_dataset(name, data=values)
         return
     frames = values.shape[0]
-    # The last chunk takes as much room as the others: of equal ones, at most a few frames of it are empty.
+    # HDF5 stores the last chunk in full. With equal chunks, fewer of its frames are empty than there are chunks.
     chunks = -(-frames // -(-frames // CHUNK_FRAMES)), *values.shape[1:]
     group.create_dataset(name, data=values, chunks=chunks, fletcher32=True)
 

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import os
 import tempfile
-from contextlib import suppress
 from pathlib import Path
 
-from data_schemas.disk import cannot_be_written, check_room, flush_to_disk, refuse_special
+from data_schemas.disk import (
+    cannot_be_written,
+    check_room,
+    flush_to_disk,
+    missing_above,
+    refuse_special,
+    remove_empty,
+)
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -22,7 +28,7 @@ def write_whole(path: Path, data: bytes) -> None:
     """
     refuse_special(path)
     check_room(path, len(data))
-    missing = [folder for folder in path.parents if not folder.exists()]
+    missing = missing_above(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, draft = tempfile.mkstemp(prefix=".pumps-", dir=path.parent)
@@ -38,9 +44,7 @@ def write_whole(path: Path, data: bytes) -> None:
             raise
         flush_to_disk(path.parent)
     except OSError as error:
-        with suppress(OSError):  # another program may have written into one of them
-            for folder in missing:
-                folder.rmdir()
+        remove_empty(missing)  # another program may have written into one of them
         raise cannot_be_written(path, error) from None
 
 

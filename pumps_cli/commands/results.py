@@ -29,12 +29,12 @@ def command(
     from stages.shared.statistics.measurements import METRICS
     from stages.shared.statistics.pop_tables import pop_lines
     from stages.shared.statistics.tables import cells, terminal_lines
-    from stages.shared.statistics.tasks import DENOISING
+    from stages.shared.statistics.tasks import OF_PAGES
 
     manner = Manner(quiet=quiet, json=as_json, debug=debug)
     with errors_reported(manner, "pumps results"):
         rows, page = read_metrics(open_artefact(metrics, "metrics"))
-        filling = all(row.metric in METRICS and row.task != DENOISING for row in rows)
+        filling = all(row.metric in METRICS and row.task not in OF_PAGES for row in rows)
         found = cells(rows) if filling else {}
         tables = lambda: [*terminal_lines(found), *feel_lines(found), *pop_lines(rows)]  # noqa: E731
         show(manner, tables if filling else page.splitlines, lambda: [asdict(row) for row in rows])

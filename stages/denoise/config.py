@@ -10,8 +10,6 @@ from pydantic import Field
 from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
 from stages.shared.weights.shipped import default_weights
 
-METHODS = ("mend", "savgol", "one-euro", "butterworth", "laplacian")
-
 
 class Config(WritingConfig, DeviceConfig, SeededConfig):
     """Clean a noisy motion on its own skeleton: find noisy and missing frames, mend them, keep the others."""
@@ -39,18 +37,20 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         ge=0, le=1,
     )  # fmt: skip
     width: float = Field(
-        1.0, description="For the plain filters: times the usual time over which they average.", gt=0, le=20
+        1.0, description="For the plain filters: factor on the time over which they average.", gt=0, le=20
     )
     frames: str | None = Field(
-        None, description="Clean these alone: 40:90 (90 is not included), 3,5,8, joined by commas."
+        None,
+        description="Clean only these frames: ranges such as 40:90 (without 90) or numbers such as 3,5,8,"
+        " joined by commas.",
     )
     joints: str | None = Field(
         None, description="Clean these joints alone: names joined by commas; root is the position."
     )
     mask: Path | None = Field(
         None,
-        description="CSV of what is missing: one row a frame, 1 for missing and 0 for there. One column is for the "
-        "whole frame; else a header line names a joint for each column.",
+        description="CSV of what is missing: one row a frame, 1 for missing and 0 for there. Without a header line, "
+        "one column is for the whole frame; a header line names a joint for each column.",
     )
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0, lt=1e6

@@ -42,12 +42,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     data, losses = file.written(config.output, found.motion, found.changed, found.moved)
     write_output(config.output, data)
     progress.advance(note="written")
-    notes = [*file.notes, *losses]
+    notes, figures = [*file.notes, *losses], figures_of(file.skeleton, found)
     seconds = time.perf_counter() - started
     return StageReport(
         output=config.output,
-        lines=[*[f"Note: {note}" for note in notes], *lines_of(file.skeleton, found, seconds)],
-        figures={**figures_of(file.skeleton, found), "method": config.method, "seconds": seconds, "notes": notes},
+        lines=[*[f"Note: {note}" for note in notes], *lines_of(figures, found, seconds)],
+        figures={**figures, "method": config.method, "seconds": seconds, "notes": notes},
     )
 
 

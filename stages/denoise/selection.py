@@ -26,10 +26,12 @@ def chosen_joints(text: str | None, skeleton: Skeleton) -> tuple[np.ndarray, boo
     if text is None:
         return np.ones(skeleton.joints, bool), True
     wanted = [part.strip() for part in text.split(",") if part.strip()]
+    hint = f"Its joints are {', '.join(skeleton.names[:12])}, ..."
+    if not wanted:
+        raise InputError("--joints names no joint.", hint)
     unknown = [name for name in wanted if name not in skeleton.names and name != ROOT]
-    if unknown or not wanted:
-        named = f"no joint {unknown[0]!r}" if unknown else "no joint named"
-        raise InputError(f"The skeleton has {named}.", f"Its joints are {', '.join(skeleton.names[:12])}, ...")
+    if unknown:
+        raise InputError(f"The skeleton has no joint {unknown[0]!r}.", hint)
     return np.isin(np.array(skeleton.names), wanted), ROOT in wanted
 
 
@@ -61,7 +63,7 @@ def masked(path: Path | None, frames: int, names: tuple[str, ...]) -> np.ndarray
                 "Name the joints in a header line, or give one column.",
             )
     table = np.array([[cell == "1" for cell in row] for row in cells], bool).reshape(frames, width)
-    if head is None or width == 1:
+    if head is None:
         return missing | table[:, :1]
     unknown = [name for name in head if name not in names]
     if unknown:

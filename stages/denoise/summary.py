@@ -8,6 +8,7 @@ import numpy as np
 
 from data_schemas.skeleton import Skeleton
 from stages.shared.inference.denoising import Denoised
+from stages.shared.kinematics.runs import runs_of
 
 _SHOWN = 6
 
@@ -41,9 +42,8 @@ def figures_of(skeleton: Skeleton, found: Denoised) -> dict[str, Any]:
     }
 
 
-def lines_of(skeleton: Skeleton, found: Denoised, seconds: float) -> list[str]:
+def lines_of(figures: dict[str, Any], found: Denoised, seconds: float) -> list[str]:
     """The same for people."""
-    figures = figures_of(skeleton, found)
     noisy = int(found.noisy.all(axis=1).sum())
     lines = [
         f"Changed {figures['changed_frames']} of {figures['frames']} frames in {seconds:.2f} s; the other "
@@ -68,8 +68,7 @@ def lines_of(skeleton: Skeleton, found: Denoised, seconds: float) -> list[str]:
 
 def stretches(chosen: np.ndarray) -> list[tuple[int, int]]:
     """First and last frame of each run of True in (T,) bool."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
-    return [(int(start), int(stop) - 1) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    return [(int(run[0]), int(run[-1])) for run in runs_of(chosen)]
 
 
 def _listed(runs: list[tuple[int, int]]) -> str:

@@ -9,8 +9,9 @@ from pydantic import Field, model_validator
 from pydantic.config import JsonDict
 
 from stages.shared.contract import OFTEN, VALUES, DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.formats.layout_names import KEYPOINT_LAYOUTS
 
-_LAYOUTS: JsonDict = {**OFTEN, VALUES: ["coco17", "body25", "mediapipe33", "h36m17", "halpe26"]}
+_LAYOUTS: JsonDict = {**OFTEN, VALUES: [*KEYPOINT_LAYOUTS]}
 
 
 class Config(WritingConfig, DeviceConfig, SeededConfig):

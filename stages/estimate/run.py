@@ -23,14 +23,14 @@ from stages.shared.humanoid.retargeting import Retargeted, retarget
 from stages.shared.inference.lifting import Lifted, assumed_intrinsics, lift
 from stages.shared.inference.pose_model import PoseModel, load_pose_model
 from stages.shared.inference.retarget_clouds import pull_to_places
-from stages.shared.kinematics.cameras import Intrinsics, intrinsics_of_fov
+from stages.shared.kinematics.cameras import Intrinsics, camera_as_data, intrinsics_of_fov
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 from stages.shared.weights.task_weights import task_weights
 
 _USUAL_FPS = 30.0
-_FEW = 0.5  # share of frames without the person that is worth a note
+_FEW = 0.5  # share of frames without the person from which the note says that they are most of the clip
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -68,7 +68,7 @@ def _of_keypoints(config: Config, progress: Progress, started: float) -> StageRe
     if config.page is not None:
         write_output(config.page, page.encode("utf-8"))
     progress.advance(note="written")
-    notes += [*_remarks(keypoints, lifted), *target.notes, *losses]
+    notes += [*_remarks(keypoints), *target.notes, *losses]
     return _report(config, keypoints, lifted, made, model, notes, time.perf_counter() - started)
 
 
@@ -130,7 +130,7 @@ def _on_rig(config: Config, source: Skeleton, motion: Motion, target: Target) ->
     return pull_to_places(source, motion, target.skeleton, turned, seed=config.seed, device=device), turned
 
 
-def _remarks(keypoints: Keypoints, lifted: Lifted) -> list[str]:
+def _remarks(keypoints: Keypoints) -> list[str]:
     notes = []
     if keypoints.missing:
         share = keypoints.missing / len(keypoints.places)
@@ -168,12 +168,7 @@ def _report(
         "people": keypoints.people,
         "frames_without_person": keypoints.missing,
         "reprojection_mm": 1000 * error,
-        "camera": {
-            "position_m": lifted.camera.position.tolist(),
-            "rotation_xyzw": lifted.camera.rotation.tolist(),
-            "focal_px": intrinsics.focal_px,
-            "centre_px": list(intrinsics.centre),
-        },
+        "camera": camera_as_data(lifted.camera.position, lifted.camera.rotation, intrinsics),
         "notes": notes,
         "licences": list(model.licences),
     }

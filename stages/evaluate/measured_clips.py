@@ -134,8 +134,8 @@ class MeasuredClips:
             roots += [motion.rotations[start : start + STATISTICS_WINDOW, skeleton.root] for start in starts]
         if not cut:
             raise InputError(
-                f"{self._reader.artefact.path} has no clip of {STATISTICS_WINDOW} frames at 30 fps on the skeleton "
-                f"{skeleton_id}, from which the lafan1 protocol takes its statistics.",
+                f"{self._reader.artefact.path} has no clip of more than {STATISTICS_WINDOW} frames at 30 fps on the "
+                f"skeleton {skeleton_id}, from which the lafan1 protocol takes its statistics.",
                 "Use --protocol pumps, which needs none.",
             )
         return StatisticsWindows(np.stack(cut), np.stack(roots)), bool(training)

@@ -75,16 +75,17 @@ class LoadedWeights:
     def facts(self) -> MeasuredWeights:
         """The page's note on them; the data are those of the synthesiser's last training."""
         folder = weights_folder(self.source)
-        synthesiser = read_checkpoint(parts_of(folder)[1], optimiser=False)
+        parts = [read_checkpoint(part, optimiser=False) for part in parts_of(folder)]  # autoencoder, synthesiser
+        minutes = [each.trainings[-1].minutes for each in parts if each.trainings]
         digests = {path.name: open_artefact(path).manifest.digest for path in self.artefacts()}
         if (folder / CONFIDENCE_NAME).is_file():
             digests["confidence"] = sha256_of_file(folder / CONFIDENCE_NAME)
         return MeasuredWeights(
             name=self.name,
             source=self.source,
-            data=last_data(synthesiser.trainings),
+            data=last_data(parts[1].trainings),
             digests=digests,
-            minutes=synthesiser.trainings[-1].minutes if synthesiser.trainings else None,
+            minutes=sum(minutes) if len(minutes) == len(parts) else None,
         )
 
     def trained_on(self) -> list[TrainingData]:

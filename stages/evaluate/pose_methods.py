@@ -80,7 +80,9 @@ def holds_interpolator(source: str) -> bool:
     if not (Path(source) / MANIFEST_NAME).is_file():
         return False
     artefact = open_artefact(source)
-    return artefact.manifest.kind == "checkpoint" and is_interpolator(read_checkpoint(artefact).config)
+    return artefact.manifest.kind == "checkpoint" and is_interpolator(
+        read_checkpoint(artefact, optimiser=False).config
+    )
 
 
 def loaded_interpolator(name: str, source: str, device: str) -> LoadedInterpolator:

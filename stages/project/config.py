@@ -9,8 +9,9 @@ from pydantic import Field
 from pydantic.config import JsonDict
 
 from stages.shared.contract import OFTEN, VALUES, SeededConfig, WritingConfig
+from stages.shared.formats.layout_names import KEYPOINT_LAYOUTS
 
-_LAYOUTS: JsonDict = {**OFTEN, VALUES: ["coco17", "body25", "mediapipe33", "h36m17", "halpe26"]}
+_LAYOUTS: JsonDict = {**OFTEN, VALUES: [*KEYPOINT_LAYOUTS]}
 
 
 class Config(WritingConfig, SeededConfig):
@@ -27,7 +28,7 @@ class Config(WritingConfig, SeededConfig):
     fov: float = Field(55.0, description="Horizontal field of view of the camera, in degrees.", gt=5, lt=150)
     image_size: str = Field("1920x1080", description="Width and height of the image in pixels.")
     azimuth: float | None = Field(
-        None, description="Side of the camera in degrees, 0 in front of +Z, 90 at +X; default: random."
+        None, description="Direction of the camera from the body in degrees: 0 is +Z, 90 is +X; default: random."
     )
     elevation: float | None = Field(None, description="Degrees by which the camera looks down; default: random.")
     distance: float | None = Field(None, description="Metres from the body's middle; default: random.", gt=0.2)

@@ -18,6 +18,7 @@ from stages.shared.formats.sources import source_named
 from stages.shared.humanoid.detector_errors import PRESETS, with_errors
 from stages.shared.humanoid.landmarks import landmarks_of
 from stages.shared.kinematics.cameras import (
+    camera_as_data,
     in_camera,
     intrinsics_of_fov,
     look_at,
@@ -64,12 +65,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     keypoints = np.full((len(places), len(names), 3), np.nan)
     keypoints[..., 2] = 0.0
     keypoints[:, columns, :2], keypoints[:, columns, 2] = places[:, chosen], trust[:, chosen]
-    camera = {
-        "position_m": position.tolist(),
-        "rotation_xyzw": rotation.tolist(),
-        "focal_px": intrinsics.focal_px,
-        "centre_px": list(intrinsics.centre),
-    }
+    camera = camera_as_data(position, rotation, intrinsics)
     data = json_of_keypoints(keypoints, names, size, motion.fps, {"layout": config.layout, "camera": camera})
     write_output(config.output, data)
     progress.advance(note="written")

@@ -86,7 +86,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("train", "finetune"),
-        "Fine-tune the synthesiser for a task on one rig: denoise, repair.",
+        "Fine-tune the synthesiser for a task on one rig: denoise, repair, estimate, trackers.",
         ("BVH", "tpc", "checkpoint"), "checkpoint",
         "pumps train finetune --task denoise --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/denoiser",
         pipeline=False,

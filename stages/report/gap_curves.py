@@ -14,6 +14,8 @@ _TURN_DEG = 137.5  # between the hues of two methods
 
 def gap_charts_html(found: Mapping[Key, Cell]) -> Markup | str:
     """The charts of all data together; "" where no method was measured at two intervals."""
+    if not found:
+        return ""
     scope = scopes_of(dict(found))[-1]
     metric = next((name for name in METRICS if any(key[3] == name for key in found)), "")
     charts = [_chart(found, scope, task, metric) for task in in_order(dict(found), 1)]

@@ -9,12 +9,13 @@ import pytest
 from pydantic import ValidationError
 
 from data_schemas.errors import InputError, UsageError
-from stages.denoise.config import METHODS, Config
+from stages.denoise.config import Config
 from stages.denoise.run import run
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.bvh_write import write_bvh
 from stages.shared.kinematics.forward_numpy import positions_of
+from stages.shared.kinematics.motion_filters import FILTERS
 
 WALK = Path("stages/shared/clips/walk.bvh")
 GAP = slice(60, 66)
@@ -82,7 +83,7 @@ def test_long_gaps_are_filled_by_weights(folder: Path):
     assert error_mm(made, slice(50, 70)) != error_mm(plain, slice(50, 70)) and error_mm(made, slice(50, 70)) < 150
 
 
-@pytest.mark.parametrize("method", METHODS[1:])
+@pytest.mark.parametrize("method", list(FILTERS))
 def test_plain_filters_smooth_every_frame(folder: Path, method: str):
     made, figures = cleaned(folder, method, method=method)
     assert figures["kept_frames"] <= 2 and figures["method"] == method  # the ends may stay
@@ -122,7 +123,7 @@ def test_a_mask_says_what_is_missing(folder: Path):
     whole = "".join(f"{int(30 <= t < 40)}\n" for t in range(frames))
     (folder / "whole.csv").write_text(whole)
     _, figures = cleaned(folder, "whole", input=WALK, mask=folder / "whole.csv", strength=0.0)
-    assert figures["noisy_frames"][0] == (30, 39) or (30, 39) in figures["noisy_frames"]
+    assert (30, 39) in figures["noisy_frames"]
 
 
 def test_other_formats_are_written(folder: Path):
@@ -150,13 +151,10 @@ def test_bad_options_are_refused_and_nothing_is_written(folder: Path, options: d
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("0\n1\n", "2 rows"), ("wing\n" + "0\n" * 152, "1 values|wing"), ("0\n" * 151 + "2\n", "not 1 values")],
+    [("0\n1\n", "2 rows"), ("wing\n" + "0\n" * 152, "joint 'wing'"), ("0\n" * 151 + "2\n", "not 1 values")],
 )
 def test_bad_masks_are_refused(folder: Path, text: str, words: str):
     (folder / "bad.csv").write_text(text)
-    if text.startswith("wing"):
-        (folder / "bad.csv").write_text("wing,left_knee\n" + "0,0\n" * 152)
-        words = "wing"
     with pytest.raises(InputError, match=words):
         run(Config(input=WALK, output=folder / "never.bvh", mask=folder / "bad.csv"))
 

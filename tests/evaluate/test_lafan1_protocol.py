@@ -16,7 +16,7 @@ from stages.shared.statistics.measurements import (
 )
 from stages.shared.statistics.tasks import TRANSITION
 from stages.shared.statistics.windows import LAFAN1_CONTEXT, LAFAN1_STRIDE, Task, clip_windows
-from tests.evaluate.test_evaluate_stage import skeleton, swaying
+from tests.evaluate.swaying import skeleton, swaying
 
 ROOT = 1
 

@@ -2,10 +2,10 @@
 
     python -m tests.full_disk.forked_commands MADE DISK SITUATION...
 
-Each command runs first without limits, into the folder MADE. Then, in each situation, into the folder DISK, where it
-must fail. If DISK is a file system of its own, it is filled up before each command; else files may not grow large.
-One line of JSON for each run is printed: situation, name, exit code or signal, stderr, and the files and folders in
-DISK that are not as they were.
+Each command runs first without limits, into the folder MADE. Then it runs in each situation into the folder DISK,
+where it must fail. If DISK is a file system of its own, it is filled before each command. Otherwise the size of
+files is limited. One line of JSON for each run is printed: situation, name, exit code or signal, stderr, and the
+files and folders in DISK that are not as they were.
 """
 
 from __future__ import annotations

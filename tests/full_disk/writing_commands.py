@@ -66,6 +66,22 @@ WRITINGS = (
         f"--tpc {{made}}/tpc {_TRAINING} --network.width 16 --network.heads 2 --network.key-layers 1 "
         "--network.fill-layers 1 --network.frame-layers 1 -o {out}",
     ),
+    Writing(
+        "completion", "train baseline",
+        f"--method delta --tpc {{made}}/tpc {_TRAINING} --network.width 16 --network.heads 2 --network.layers 1 "
+        "-o {out}",
+    ),
+    Writing(
+        "denoiser", "train finetune",
+        f"--task denoise --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
+    ),
+    Writing(
+        "lifter", "train finetune",
+        f"--task estimate --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
+    ),
+    Writing("cleaned.bvh", "denoise", f"{CLIPS}/kick.bvh -o {{out}}"),
+    Writing("keypoints.json", "project", f"{CLIPS}/kick.bvh -o {{out}}"),
+    Writing("lifted.bvh", "estimate", "{made}/keypoints.json -o {out} --device cpu"),
     Writing("picked", "data pick", "--motion {made}/motion --count 1 -o {out}"),
     *(
         Writing(
@@ -111,6 +127,17 @@ WRITINGS = (
     Writing(
         "measured-pcmrl", "measure pcmrl",
         "--truth {made}/tpc --weights mine={made}/interpolator --intervals 15 --window 46 --splits test --points 32 "
+        "--device cpu -o {out}",
+    ),
+    Writing("measured-table1", "measure table1", "{made}/measured -o {out}"),
+    Writing(
+        "measured-denoise", "measure denoise",
+        f"--tpc {{made}}/tpc --skeleton {CLIPS}/kick.bvh --splits train --max-windows 1 --window 32 "
+        "--device cpu -o {out}",
+    ),
+    Writing(
+        "measured-estimate", "measure estimate",
+        "--tpc {made}/tpc --weights mine={made}/lifter --splits train --max-windows 1 --window 32 "
         "--device cpu -o {out}",
     ),
     Writing(

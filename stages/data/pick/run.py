@@ -64,7 +64,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             digests[file] = hashlib.sha256(data).hexdigest()
             progress.advance(1, row.clip)
     removed = [file for file in stale if _is_as_written(config.output / file, written[file])]
-    # Until the removal is done the digests of these files stay, so that an interrupted one is finished next time.
+    # The digests of these files stay until the files are removed: the next run finishes an interrupted removal.
     _write_digests(config.output, {file: written[file] for file in removed} | digests)
     for file in removed:
         (config.output / file).unlink(missing_ok=True)

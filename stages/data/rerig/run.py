@@ -18,7 +18,9 @@ from stages.shared.progress import SILENT, Progress
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Write every clip of the splits once, on a rig drawn for it, as CLIP@RIG; of longer ones a part.
+    """Write every clip of the splits once, on a rig drawn for it, as CLIP@RIG.
+
+    Clips of more than `longest` frames are cut to that length.
 
     Sources and splits stay, so that results are listed by the recordings they came from.
     Raises: InputError where there is no such clip, or none could be put on a rig; UsageError for a bad expression.

@@ -30,6 +30,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     widths: tuple[float, ...] = Field(
         (0.5, 1, 1.5, 2, 3, 4, 6, 8),
         description="Widths that each filter may take: the best on the clips of --tune-on is measured.",
+        min_length=1,
     )
     tune_on: str = Field("val", description="Split on which the filters' widths are chosen.")
     tune_windows: int = Field(24, description="Windows of it.", ge=1)

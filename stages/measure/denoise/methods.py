@@ -10,11 +10,11 @@ import torch
 from stages.shared.inference.pose_filling import Interpolator
 from stages.shared.inference.pose_model import PoseModel, blended
 from stages.shared.kinematics.conventions import MODEL_FPS
-from stages.shared.kinematics.forward import global_rotations, local_rotations
+from stages.shared.kinematics.forward import local_rotations
 from stages.shared.kinematics.motion_filters import FILTERS, Filter, filter_rotations
 from stages.shared.pointcloud.rig import Rig
 from stages.shared.pose_tasks.body_pose import BodyPose
-from stages.shared.pose_tasks.denoise import DenoiseTask
+from stages.shared.pose_tasks.denoise import DenoiseTask, pose_of_local
 from stages.shared.solve.robust_smoothing import mend_poses
 from stages.shared.statistics.metrics import mpjpe_mm
 
@@ -32,7 +32,7 @@ def filter_cleaner(rig: Rig, chosen: Filter, width: float) -> Cleaner:
             (chosen(root, MODEL_FPS, width), filter_rotations(turns, MODEL_FPS, chosen, width))
             for root, turns in zip(roots, local, strict=True)
         ]
-        return _pose(rig, made)
+        return pose_of_local(made, rig.body.parents)
 
     return clean
 
@@ -42,7 +42,7 @@ def mending_cleaner(rig: Rig) -> Cleaner:
 
     def clean(noisy: BodyPose) -> BodyPose:
         found = [mend_poses(turns, root) for root, turns in zip(*_local(rig, noisy), strict=True)]
-        return _pose(rig, [(each.positions, each.local) for each in found])
+        return pose_of_local([(each.positions, each.local) for each in found], rig.body.parents)
 
     return clean
 
@@ -56,7 +56,7 @@ def network_cleaner(model: PoseModel) -> Cleaner:
         def of_window(start: int, stop: int) -> BodyPose:
             part = slice(start, stop)
             given = torch.ones(1, stop - start, dtype=torch.bool)
-            seen = task.see(BodyPose(noisy.roots[:, part], noisy.rotations[:, part]), given)
+            seen = task.see(noisy.frames(part), given)
             times = torch.arange(float(stop - start)).unsqueeze(0)
             return model.pose(seen.features, seen.given, seen.base, times).back(seen.yaw, seen.centre)
 
@@ -64,13 +64,13 @@ def network_cleaner(model: PoseModel) -> Cleaner:
 
     def clean(noisy: BodyPose) -> BodyPose:
         made = [one(BodyPose(noisy.roots[i : i + 1], noisy.rotations[i : i + 1])) for i in range(len(noisy.roots))]
-        return BodyPose(torch.cat([each.roots for each in made]), torch.cat([each.rotations for each in made]))
+        return BodyPose.joined(made)
 
     return clean
 
 
 def prior_cleaner(rig: Rig, prior: Interpolator) -> Cleaner:
-    """A prior of poses or motion, descended from the noisy motion."""
+    """A prior of poses or motion, lowered by gradient descent that starts from the noisy motion."""
 
     def clean(noisy: BodyPose) -> BodyPose:
         heads, rotations = prior.denoise(noisy.heads(rig.body), noisy.rotations)
@@ -101,8 +101,3 @@ def mean_errors(rig: Rig, made: BodyPose, truth: BodyPose) -> np.ndarray:
 def _local(rig: Rig, pose: BodyPose) -> tuple[np.ndarray, np.ndarray]:
     local = local_rotations(pose.rotations, rig.body.parents).double().numpy()
     return pose.roots.double().numpy(), local / np.linalg.norm(local, axis=-1, keepdims=True)
-
-
-def _pose(rig: Rig, parts: list[tuple[np.ndarray, np.ndarray]]) -> BodyPose:
-    roots, local = (torch.from_numpy(np.stack(each)).float() for each in zip(*parts, strict=True))
-    return BodyPose(roots, global_rotations(local, rig.body.parents))

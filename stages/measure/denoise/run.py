@@ -62,7 +62,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         own = sets_of_rig(reader, rig)
         measured = (config.category, config.window, config.max_windows, config.tpc)
         windows = [*windows_by_category(reader.clips, own, config.splits, *measured)]
-        widths = _tuned(reader, rig, config)
+        widths = _tuned(reader, rig, own, config)
         methods = _methods(rig, models, priors, widths)
         progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(methods))
         rows = []
@@ -121,7 +121,7 @@ def _rig(config: Config, models: dict[str, PoseModel]) -> Rig:
         rigs = {config.skeleton: rig_of_file(config.skeleton), **rigs}
     (first, rig), *others = rigs.items()
     for name, other in others:
-        if other.skeleton.names != rig.skeleton.names or not np.allclose(other.body.tails, rig.body.tails, atol=1e-3):
+        if not other.is_like(rig):
             raise InputError(f"{first} and {name} are of different rigs.", "Measure them one by one.")
     return rig
 
@@ -140,22 +140,17 @@ def _methods(
     }
 
 
-def _tuned(reader: TpcReader, rig: Rig, config: Config) -> dict[str, float]:
+def _tuned(reader: TpcReader, rig: Rig, own: frozenset[str], config: Config) -> dict[str, float]:
     """The width of each filter: of several the best on windows of another split, which see the same noise."""
     if len(config.widths) == 1 or not config.filters:
         return {name: config.widths[0] for name in config.filters}
-    own = sets_of_rig(reader, rig)
     chosen = (("all=*",), config.window, config.tune_windows, config.tpc)
     found = [*windows_by_category(reader.clips, own, (config.tune_on,), *chosen)]
     clean = [_clean(reader, clip, starts, config.window) for _, clip, starts in found]
-    # Filters that are measured on clean clips are those that the paper's noise asks for.
+    # Without noise, the widths are those that are best for the paper's noise.
     noise = config if config.noise != _NO_NOISE else config.model_copy(update={"noise": "paper"})
     noisy = [_noisy(rig, each, clip, starts, noise) for each, (_, clip, starts) in zip(clean, found, strict=True)]
-    return dict(best_widths(rig, config.filters, config.widths, _joined(noisy), _joined(clean)))
-
-
-def _joined(parts: list[BodyPose]) -> BodyPose:
-    return BodyPose(torch.cat([each.roots for each in parts]), torch.cat([each.rotations for each in parts]))
+    return dict(best_widths(rig, config.filters, config.widths, BodyPose.joined(noisy), BodyPose.joined(clean)))
 
 
 def _clean(reader: TpcReader, clip: ClipRow, starts: list[int], window: int) -> BodyPose:

@@ -14,7 +14,8 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
 
     tpc: Path = Field(description="The tpc artefact with clips of the networks' rig.")
     weights: tuple[str, ...] = Field(
-        description="NAME=FOLDER of the checkpoint of a network for the task estimate; each is a row of the table."
+        description="NAME=FOLDER of the checkpoint of a network for the task estimate; each is a row of the table.",
+        min_length=1,
     )
     output: Path = Field(description="Folder of the metrics artefact.")
     splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")

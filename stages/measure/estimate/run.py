@@ -26,11 +26,10 @@ from stages.shared.pose_tasks.task import TaskBatch
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.metrics import mpjpe_mm, mpjve_mm
 from stages.shared.statistics.rig_windows import windows_by_category
+from stages.shared.statistics.tasks import ESTIMATION
 from stages.shared.training.pose_training import sets_of_rig
 from stages.shared.weights.shipped import named_source
 from stages.shared.weights.task_weights import task_weights
-
-TASK = "estimation"
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -51,7 +50,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             batches = [_batch(reader, task, clip, start, config) for start in starts]
             for name, model in [(REST, None), *models.items()]:
                 figures = np.array([_figures(task, _made(model, task, batch, config), batch) for batch in batches])
-                place = (clip.clip, clip.skeleton, category, name, TASK, config.window)
+                place = (clip.clip, clip.skeleton, category, name, ESTIMATION, config.window)
                 for metric, value in zip(METRICS, figures.mean(axis=0), strict=True):
                     rows.append(MetricRow(*place, metric, float(value), windows=len(starts)))
                 progress.advance(1, f"{category}, {name}")
@@ -84,8 +83,7 @@ def _one_task(models: dict[str, PoseModel]) -> EstimateTask:
     """The task of all networks. Raises InputError if they see different keypoints or move different rigs."""
     (first, model), *others = models.items()
     for name, other in others:
-        same = len(other.rig.body.joints) == len(model.rig.body.joints)
-        if other.task.corruption != model.task.corruption or not same:
+        if other.task.corruption != model.task.corruption or not other.rig.is_like(model.rig):
             raise InputError(
                 f"{first} and {name} see different keypoints, or move different rigs.", "Measure them one by one."
             )
@@ -113,9 +111,8 @@ def _made(model: PoseModel | None, task: EstimateTask, batch: TaskBatch, config:
 
     def of_window(start: int, stop: int) -> BodyPose:
         part = slice(start, stop)
-        base = BodyPose(batch.base.roots[:, part], batch.base.rotations[:, part])
         times = torch.arange(float(stop - start)).unsqueeze(0)
-        return model.pose(batch.features[:, part], batch.given[:, part], base, times)
+        return model.pose(batch.features[:, part], batch.given[:, part], batch.base.frames(part), times)
 
     return blended(config.window, max(model.window, 2), of_window)
 

@@ -21,6 +21,7 @@ class Joined:
     rows: list[MetricRow] = field(default_factory=list)
     weights: dict[str, MeasuredWeights] = field(default_factory=dict)
     milliseconds: dict[str, float] = field(default_factory=dict)
+    windows: dict[tuple[str, str, str, int], int] = field(default_factory=dict)  # archive, clip, task, interval
 
     @property
     def methods(self) -> list[str]:
@@ -28,20 +29,23 @@ class Joined:
         return [name for name in dict.fromkeys(row.method for row in self.rows) if name != TRUTH]
 
 
-def joined(paths: Sequence[Path]) -> Joined:
-    """The evaluations as one. Raises InputError if two measured other windows, or one method twice."""
-    found = Joined()
-    windows: dict[tuple[str, str, str, int], int] | None = None
+def joined(paths: Sequence[Path], like: Joined | None = None) -> Joined:
+    """The evaluations as one.
+
+    Raises: InputError if two measured other windows than each other or than those of `like`, or one method twice.
+    """
+    found = Joined(windows=like.windows if like else {})
+    first = like.artefacts[0].path if like else paths[0]
     for path in paths:
         artefact = open_artefact(path, "metrics")
         rows, _ = read_metrics(artefact)
         here = {(row.archive, row.clip, row.task, row.interval): row.windows for row in rows}
-        if windows is not None and here != windows:
+        if found.windows and here != found.windows:
             raise InputError(
-                f"{path} measured other windows than {paths[0]}.",
+                f"{path} measured other windows than {first}.",
                 "Give evaluations of the same motions, tasks, categories and max_windows.",
             )
-        windows = here
+        found.windows = here
         twice = {row.method for row in rows} & set(found.methods)
         if twice:
             raise InputError(f"{path} measures {sorted(twice)[0]} again.", "Give every method once.")

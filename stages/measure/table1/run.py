@@ -28,14 +28,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_artefact(config, "metrics")
     progress.start("joining evaluations")
     all_of = joined(config.metrics)
-    others = joined(config.curve) if config.curve else None
+    others = [joined([path], all_of) for path in config.curve]
     for name in config.ours:
         if name not in all_of.methods:
             raise UsageError(f"No evaluation measured {name!r}.", f"There are {', '.join(all_of.methods)}.")
     found = cells(all_of.rows, config.seed)
     page = _page(config, all_of, others, found)
     facts = MethodFacts(weights=list(all_of.weights.values()))
-    inputs = [*all_of.artefacts, *(others.artefacts if others else [])]
+    inputs = [*all_of.artefacts, *(artefact for other in others for artefact in other.artefacts)]
     with write_artefact(config.output, "metrics", stage="measure-table1", config=config, inputs=inputs) as draft:
         draft.summary |= facts.model_dump() | {"methods": all_of.methods}
         draft.summary["milliseconds_per_frame"] = all_of.milliseconds
@@ -44,7 +44,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     return StageReport(output=config.output, lines=lines, figures={"methods": all_of.methods})
 
 
-def _page(config: Config, all_of: Joined, others: Joined | None, found: dict[Key, Cell]) -> str:
+def _page(config: Config, all_of: Joined, others: list[Joined], found: dict[Key, Cell]) -> str:
     scopes = scopes_of(found)
     parts = [
         "# PUMPS Table 1\n",
@@ -61,9 +61,9 @@ def _page(config: Config, all_of: Joined, others: Joined | None, found: dict[Key
         parts.append("The ratio of means over the same clips, its 95% bootstrap interval, and Wilcoxon's p.\n")
         parts += [*beside_best(all_of, found, config.ours, config.seed).markdown(), ""]
     parts += ["## Time\n", *costs(all_of).markdown(), ""]
-    if others is not None:
+    if others:
         parts.append("## Error against training time\n\nL2P as a share of slerp's.\n")
-        parts += [*curve(all_of, others, found, cells(others.rows, config.seed)).markdown(), ""]
+        parts += [*curve(all_of, others, found, config.seed).markdown(), ""]
     for task in (task for task in in_order(found, 1) if task in TABLE_1):
         parts += [f"As printed in the paper, {task}: L2P as a share of SLERP's (other data and rigs).\n"]
         parts.append(paper_shares(task))

@@ -13,7 +13,7 @@ from stages.measure.table1.joined import Joined
 from stages.shared.statistics.bootstrap import ratio_interval
 from stages.shared.statistics.measurements import METRICS, POWER_WEIGHTED
 from stages.shared.statistics.table import Entry, Row, Table, without_repeats
-from stages.shared.statistics.tables import Cell, Key, in_order, scopes_of, span_text, task_words
+from stages.shared.statistics.tables import Cell, Key, cells, in_order, scopes_of, span_text, task_words
 
 NINE = ("l2p_m", "l2q", "npss")
 
@@ -105,14 +105,15 @@ def _compared(rows: Sequence[MetricRow], column: tuple[str, int, str], name: str
     return Entry(f"×{ratio.value:.2f}", span_text(ratio, 2), f"p {chance:.2g}")
 
 
-def curve(joined: Joined, others: Joined, found: dict[Key, Cell], other_cells: dict[Key, Cell]) -> Table:
+def curve(joined: Joined, others: Sequence[Joined], found: dict[Key, Cell], seed: int) -> Table:
     """L2P of methods trained for several times, as shares of slerp's, minutes rising."""
     scope = scopes_of(found)[-1]
     columns = [(task, i) for task in in_order(found, 1) for i in intervals_of(found, task)]
+    again = {name for other in others for name in other.weights}
     points = []
-    for source, source_cells in ((joined, found), (others, other_cells)):
+    for source, source_cells in ((joined, found), *((other, cells(other.rows, seed)) for other in others)):
         for name, weights in source.weights.items():
-            if name in others.weights and weights.minutes is not None:
+            if name in again and weights.minutes is not None:
                 points.append((name, weights.minutes, source_cells))
     rows = []
     for name, minutes, source_cells in sorted(points, key=lambda point: point[:2]):

@@ -165,7 +165,7 @@ def _counts(text: bytes, name: str, line: int) -> tuple[int, float, int]:
 
 
 def _value_after(words: tuple[bytes, ...], line: bytes) -> bytes | None:
-    """The word after `words` and a colon, empty if there is none; None if the line does not read so."""
+    """The word after `words` and a colon; empty if nothing follows it, None if the line does not begin with them."""
     rest = line.strip()
     for word in words:
         if rest[: len(word)].lower() != word.lower():

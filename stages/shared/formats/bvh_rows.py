@@ -90,7 +90,7 @@ def _alike(
 ) -> list[tuple[str, np.ndarray, np.ndarray, tuple[bool, ...]]]:
     """Joints whose rotations are computed together: channel order, joints (n,), columns (n, c), channels that turn.
 
-    In long clips joints are told apart by the channels that ever turn: many channels of robots never do.
+    In long clips, only joints in which the same channels turn are computed together: many of robots never turn.
     """
     ever = np.asarray(values.any(axis=0))
     found = []

@@ -23,7 +23,7 @@ def to_quaternions(angles: np.ndarray, axes: str) -> np.ndarray:
 def quaternion_parts(angles: np.ndarray, axes: str, turning: Sequence[bool] | None = None) -> np.ndarray:
     """Components (4, ...) of the quaternions of channel angles (n, ...), so that each step runs on whole arrays.
 
-    turning: n flags, False for a channel whose angles are all zero, which is left out; None to look.
+    turning: n flags, False for a channel whose angles are all zero, which is left out; None to look at the angles.
     """
     parts = np.zeros((4, *angles.shape[1:]))
     parts[3] = 1.0

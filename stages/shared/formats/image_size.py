@@ -12,7 +12,7 @@ _SIZE = re.compile(r"(\d{1,6})\s*[xX*,]\s*(\d{1,6})")
 def size_of_text(text: str) -> tuple[float, float]:
     """Width and height in pixels of "1920x1080". Raises UsageError."""
     found = _SIZE.fullmatch(text.strip())
-    if found is None or "0" in (found[1].lstrip("0") or "0", found[2].lstrip("0") or "0"):
+    if found is None or 0 in (int(found[1]), int(found[2])):
         raise UsageError(
             f"{text[:40]!r} is not the size of an image.", "Give width and height: --image-size 1920x1080."
         )

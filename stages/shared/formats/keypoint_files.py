@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import InputError
+from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.arrays import array_names, read_array, read_arrays
-from stages.shared.formats.keypoint_json import frames_of_files, read_json
+from stages.shared.formats.keypoint_json import WORLD_NAMES, frames_of_files, read_json
 from stages.shared.formats.keypoint_layouts import LAYOUTS
 from stages.shared.formats.keypoints import MOST_POINTS, Detection, Detections, Keypoints, person_of, sound_points
 from stages.shared.formats.positions_csv import lines_of, numbers_of
@@ -28,7 +29,7 @@ def read_keypoints(
     Args: as `stages.shared.formats.keypoints.person_of` takes them.
     Raises: InputError naming the file.
     """
-    if Path(path).is_dir() or path.lower().endswith((".zip", ".tar", ".tar.gz", ".tgz")):
+    if _holds_files(path):
         sources = sorted(find_sources([path], (".json",)), key=lambda source: source.name)
         if len(sources) > _MOST_FILES:
             raise InputError(
@@ -40,6 +41,11 @@ def read_keypoints(
         source = source_named(path)
         found, name = detections_in(source.read(), source.name), source.name
     return person_of(found, name, person=person, layout=layout, size=size)
+
+
+def _holds_files(path: str) -> bool:
+    """Whether a path is that of a folder or archive."""
+    return Path(path).is_dir() or bool(archive_suffix(path))
 
 
 def detections_in(data: bytes, name: str) -> Detections:
@@ -61,7 +67,8 @@ def looks_like_keypoints(data: bytes, name: str) -> bool:
         return len(shape) == 3 and (shape[2] == 2 or (shape[2] == 3 and shape[1] in map(len, LAYOUTS.values())))
     head = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
     if head[:1] in (b"{", b"["):
-        return not any(word in head for word in (b'"Frames"', b'"asset"', b"world_landmarks", b"WorldLandmarks"))
+        places = any(word in head for word in (b'"Frames"', b'"asset"'))
+        return not places and not any(key.encode() in data for key in WORLD_NAMES)
     return head[:6].lower() in (b"scorer", b"bodypa")
 
 
@@ -170,11 +177,10 @@ def _columns(head: dict[str, list[str]], name: str) -> tuple[dict[str, np.ndarra
         or any({"x", "y"} - set(own[part]) for own in found.values() for part in names)
     ):
         raise InputError(f"{name}: its header names no points with x and y.")
-    missing = "likelihood"
-    if any(missing not in own[part] for own in found.values() for part in names):
+    if any("likelihood" not in own[part] for own in found.values() for part in names):
         raise InputError(f"{name}: a point has no column of likelihood.", "Export it from DeepLabCut again.")
     return {
-        owner: np.array([own[part][key] for part in names for key in ("x", "y", missing)])
+        owner: np.array([own[part][key] for part in names for key in ("x", "y", "likelihood")])
         for owner, own in found.items()
     }, names
 
@@ -184,7 +190,7 @@ def holds_keypoints(path: str) -> bool:
 
     Raises: InputError if there is no such file.
     """
-    if Path(path).is_dir() or path.lower().endswith((".zip", ".tar", ".tar.gz", ".tgz")):
+    if _holds_files(path):
         return True
     source = source_named(path)
     return looks_like_keypoints(source.read(), source.name)

@@ -26,6 +26,7 @@ MOST_JSON_BYTES = 256 << 20
 _NUMBER = re.compile(r"\d{1,12}")
 _MOST_NUMBER = 10**9
 _LANDMARKS = ("pose_landmarks", "poseLandmarks", "landmarks", "keypoints", "pose")
+WORLD_NAMES = ("pose_world_landmarks", "poseWorldLandmarks", "world_landmarks", "worldLandmarks")  # in 3D
 _TRUST = ("visibility", "score", "confidence", "presence")
 
 
@@ -35,10 +36,7 @@ def read_json(data: bytes, name: str) -> Detections:
         raise InputError(
             f"{name} has {len(data) / 1e6:.0f} MB, which is too much for keypoints in JSON.", "Split it."
         )
-    try:
-        raw = json.loads(data)
-    except (ValueError, RecursionError):
-        raise InputError(f"{name} is not JSON or is damaged.", "Is the file truncated?") from None
+    raw = parsed_json(data, name)
     for kind in (_of_openpose, _of_coco, _of_mmpose, _of_easy_vitpose, _of_results, _of_landmarks):
         found = kind(raw, name)
         if found is not None:
@@ -49,6 +47,14 @@ def read_json(data: bytes, name: str) -> Detections:
         f"{name} is JSON of no known pose detector.",
         "Known are OpenPose, COCO, AlphaPose, MMPose, easy_ViTPose and MediaPipe; docs/formats.md shows their forms.",
     )
+
+
+def parsed_json(data: bytes, name: str) -> Any:
+    """The JSON of a file. Raises InputError naming the file."""
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        raise InputError(f"{name} is not JSON or is damaged.", "Is the file truncated?") from None
 
 
 def number_in(text: object) -> int | None:
@@ -78,9 +84,7 @@ def openpose_people(raw: Mapping[str, Any], where: str) -> list[Detection]:
         if not isinstance(flat, list):
             raise InputError(f"{where} holds a person without pose_keypoints_2d.", "Run OpenPose with --write_json.")
         if flat:
-            track = person.get("person_id", [-1])
-            track = track[0] if isinstance(track, list) and track else track
-            found.append(Detection(detection_of(flat, 3, where), _track(track)))
+            found.append(Detection(detection_of(flat, where), _track(person.get("person_id"))))
     return found
 
 
@@ -144,7 +148,7 @@ def _of_rows(rows: Sequence[Any], name: str, numbers: Mapping[Any, int] | None) 
             raise InputError(f"{where}: its image_id is that of no image.")
         people = found.setdefault(number, [])
         if len(people) < MOST_PEOPLE and row["keypoints"]:
-            points = detection_of(row["keypoints"], 3, where)
+            points = detection_of(row["keypoints"], where)
             track = row.get("track_id", row.get("idx", row.get("person_id", -1)))
             people.append(Detection(points, _track(track)))
     return found
@@ -173,7 +177,12 @@ def _of_mmpose(raw: Any, name: str) -> Detections | None:
         where = f"{name}, frame {at if number is None else number}"
         people = [_instance(each, where) for each in instances[:MOST_PEOPLE]]
         found[at if number is None else number] = people
-    return Detections(found, _meta_names(meta), _size_of(_listed(meta, "image_size")), fps=_rate(meta))
+    return Detections(
+        found,
+        _numbered_names(_field(meta, "keypoint_id2name")),
+        _size_of(_field(meta, "image_size")),
+        fps=_rate(meta),
+    )
 
 
 def _instance(instance: Any, where: str) -> Detection:
@@ -201,19 +210,18 @@ def _table(rows: list[Any], width: int, where: str) -> list[list[float]]:
     return table
 
 
-def _meta_names(meta: Any) -> tuple[str, ...]:
-    names = meta.get("keypoint_id2name") if isinstance(meta, dict) else None
+def _numbered_names(names: Any) -> tuple[str, ...]:
     if isinstance(names, dict) and len(names) <= MOST_POINTS and all(str(at) in names for at in range(len(names))):
         return tuple(str(names[str(at)])[:60] for at in range(len(names)))
     return ()
 
 
-def _listed(meta: Any, key: str) -> Any:
+def _field(meta: Any, key: str) -> Any:
     return meta.get(key) if isinstance(meta, dict) else None
 
 
 def _rate(meta: Any) -> float | None:
-    fps = _listed(meta, "fps")
+    fps = _field(meta, "fps")
     return float(fps) if isinstance(fps, int | float) and 0.1 <= fps <= 10_000 else None
 
 
@@ -239,11 +247,7 @@ def _of_easy_vitpose(raw: Any, name: str) -> Detections | None:
                 raise InputError(f"{name}, frame {number}: a person's keypoints are not numbers.")
             points = np.array(_table(rows, 3, f"{name}, frame {number}"))[:, [1, 0, 2]]
             found[number].append(Detection(sound_points(points), _track(track)))
-    names = raw["skeleton"]
-    listed = (
-        isinstance(names, dict) and len(names) <= MOST_POINTS and all(str(at) in names for at in range(len(names)))
-    )
-    return Detections(found, tuple(str(names[str(at)])[:60] for at in range(len(names))) if listed else ())
+    return Detections(found, _numbered_names(raw["skeleton"]))
 
 
 def _of_landmarks(raw: Any, name: str) -> Detections | None:
@@ -255,12 +259,12 @@ def _of_landmarks(raw: Any, name: str) -> Detections | None:
         return None
     if _is_point(frames[0]):
         frames = [frames]
-    if all(frame is None or _points_in(frame) is None for frame in frames[:1000]):
+    if all(_points_in(frame) is None for frame in frames[:1000]):
         return None
     found: dict[int, list[Detection]] = {}
     largest = 0.0
     for number, frame in enumerate(frames):
-        rows = None if frame is None else _points_in(frame)
+        rows = _points_in(frame)
         found[number] = []
         if rows:
             points = np.array(_table([_row(each) for each in rows], 3, f"{name}, frame {number}"))
@@ -269,7 +273,7 @@ def _of_landmarks(raw: Any, name: str) -> Detections | None:
             largest = max(largest, float(seen.max(initial=0.0)))
             found[number].append(detection)
     meta = raw if isinstance(raw, dict) else {}
-    size = _size_of(_listed(meta, "image_size") or [_listed(meta, "width"), _listed(meta, "height")])
+    size = _size_of(_field(meta, "image_size") or [_field(meta, "width"), _field(meta, "height")])
     return Detections(found, size=size, shares=largest < 4.0, fps=_rate(meta))  # a point may lie outside the image
 
 
@@ -302,10 +306,7 @@ def frames_of_files(files: Iterable[tuple[str, bytes]]) -> Detections:
     for name, data in files:
         if len(data) > MOST_JSON_BYTES // 16:
             raise InputError(f"{name} has {len(data) / 1e6:.0f} MB, which is too much for one frame.")
-        try:
-            raw = json.loads(data)
-        except (ValueError, RecursionError):
-            raise InputError(f"{name} is not JSON or is damaged.", "Is the file truncated?") from None
+        raw = parsed_json(data, name)
         if not isinstance(raw, dict) or not isinstance(raw.get("people"), list):
             raise InputError(f"{name} is no frame of OpenPose, in a folder of such frames.", "Move it elsewhere.")
         people.append((name, openpose_people(raw, name)))

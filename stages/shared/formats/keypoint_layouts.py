@@ -38,7 +38,7 @@ LAYOUTS: dict[str, tuple[str, ...]] = {
     "halpe26": tuple(_HALPE26),
 }
 NAMED = "named"  # points that state their names, as DeepLabCut's
-SAID = f"{', '.join(LAYOUTS)}, or points with names, such as DeepLabCut's"
+COUNTED = ", ".join(f"{layout} ({len(names)})" for layout, names in LAYOUTS.items())
 
 # Landmark -> the points that it is the middle of, the first of these that a layout has. A point of a landmark's own
 # name comes before them.
@@ -64,7 +64,10 @@ _LIMBS = tuple(name for name in LANDMARKS if name.endswith(("shoulder", "elbow",
 def names_of_layout(layout: str) -> tuple[str, ...]:
     """The points of a layout. Raises InputError naming the layouts, if it is none."""
     if layout not in LAYOUTS:
-        raise InputError(f"There is no keypoint layout {layout[:60]!r}.", f"Give {SAID}.")
+        raise InputError(
+            f"There is no keypoint layout {layout[:60]!r}.",
+            f"Give {', '.join(LAYOUTS)}, or points with names, such as DeepLabCut's.",
+        )
     return LAYOUTS[layout]
 
 
@@ -74,8 +77,7 @@ def layout_of_count(count: int, name: str) -> str:
     if found is None:
         raise InputError(
             f"{name} has {count} keypoints a person, which is no known layout.",
-            f"Known are {', '.join(f'{layout} ({len(names)})' for layout, names in LAYOUTS.items())},"
-            " and points with names, such as DeepLabCut's.",
+            f"Known are {COUNTED}, and points with names, such as DeepLabCut's.",
         )
     return found
 
@@ -96,6 +98,11 @@ def standard_names(given: Sequence[str], name: str) -> tuple[str, ...]:
     return names
 
 
+def _ways(landmark: str) -> tuple[tuple[str, ...], ...]:
+    """The points that give a landmark: itself, or the ends that it is the middle of."""
+    return (landmark,), *_MIDDLES.get(landmark, ())
+
+
 def landmark_tracks(
     names: Sequence[str], places: np.ndarray, confidences: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -110,8 +117,9 @@ def landmark_tracks(
     tracks = np.full((len(places), len(LANDMARKS), 2), np.nan)
     trust = np.zeros((len(places), len(LANDMARKS)))
     for at, landmark in enumerate(LANDMARKS):
-        ways = ((landmark,), *_MIDDLES.get(landmark, ()))
-        ends = next(([index[end] for end in way] for way in ways if all(end in index for end in way)), None)
+        ends = next(
+            ([index[end] for end in way] for way in _ways(landmark) if all(end in index for end in way)), None
+        )
         if ends is not None:
             tracks[:, at] = places[:, ends].mean(axis=1)
             trust[:, at] = confidences[:, ends].min(axis=1)
@@ -134,6 +142,4 @@ def landmark_columns(layout: str) -> tuple[np.ndarray, np.ndarray]:
 def landmark_mask(layout: str) -> np.ndarray:
     """(L,) bool, which of `LANDMARKS` can be found among the points of a layout."""
     names = set(names_of_layout(layout))
-    return np.array(
-        [any(set(way) <= names for way in ((landmark,), *_MIDDLES.get(landmark, ()))) for landmark in LANDMARKS]
-    )
+    return np.array([any(set(way) <= names for way in _ways(landmark)) for landmark in LANDMARKS])

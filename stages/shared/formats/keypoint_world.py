@@ -1,24 +1,21 @@
-"""Landmarks in 3D without a pelvis, such as MediaPipe's world landmarks: read as motion, as all places are."""
+"""Places in 3D for `pumps estimate`: MediaPipe's world landmarks, and any motion that pumps reads."""
 
 from __future__ import annotations
 
 import io
-import json
 from typing import Any
 
 import numpy as np
 
 from data_schemas.errors import InputError
 from stages.shared.formats.joint_lists import LISTS
-from stages.shared.formats.keypoint_json import MOST_JSON_BYTES
+from stages.shared.formats.keypoint_json import MOST_JSON_BYTES, WORLD_NAMES, parsed_json
 from stages.shared.formats.keypoints import MOST_POINTS
 from stages.shared.formats.positions import read_positions
 from stages.shared.formats.readers import recordings_in
 from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import source_named
-
-_WORLD = ("pose_world_landmarks", "poseWorldLandmarks", "world_landmarks", "worldLandmarks")
 
 
 def places_in(path: str, layout: str | None, fps: float | None) -> Recording:
@@ -31,7 +28,7 @@ def places_in(path: str, layout: str | None, fps: float | None) -> Recording:
     source = source_named(path)
     data = source.read()
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"[") and any(
-        key.encode() in data for key in _WORLD
+        key.encode() in data for key in WORLD_NAMES
     ):
         asked = Asked(fps_override=fps, rig_name=layout or "mediapipe33")
         return read_positions(_npy_of_world(data, source.name), source.name, asked)[0]
@@ -48,10 +45,7 @@ def _npy_of_world(data: bytes, name: str) -> bytes:
         raise InputError(
             f"{name} has {len(data) / 1e6:.0f} MB, which is too much for landmarks in JSON.", "Split it."
         )
-    try:
-        raw = json.loads(data)
-    except (ValueError, RecursionError):
-        raise InputError(f"{name} is not JSON or is damaged.", "Is the file truncated?") from None
+    raw = parsed_json(data, name)
     frames = raw.get("frames", raw.get("results", [raw])) if isinstance(raw, dict) else raw
     rows = [_points_of(frame) for frame in frames] if isinstance(frames, list) else []
     counts = {len(row) for row in rows if row}
@@ -75,7 +69,7 @@ def _npy_of_world(data: bytes, name: str) -> bytes:
 
 
 def _points_of(frame: Any) -> list[Any]:
-    found = next((frame[key] for key in _WORLD if key in frame), None) if isinstance(frame, dict) else None
+    found = next((frame[key] for key in WORLD_NAMES if key in frame), None) if isinstance(frame, dict) else None
     if isinstance(found, list) and found and isinstance(found[0], list):
         found = found[0]
     if isinstance(found, dict):

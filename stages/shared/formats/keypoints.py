@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.errors import InputError
-from stages.shared.formats.keypoint_layouts import LAYOUTS, NAMED, layout_of_count, names_of_layout, standard_names
+from stages.shared.formats.keypoint_layouts import (
+    COUNTED,
+    LAYOUTS,
+    NAMED,
+    layout_of_count,
+    names_of_layout,
+    standard_names,
+)
 
 MOST_POINTS = 256  # of one person
 MOST_PEOPLE = 200  # in one frame
@@ -36,7 +43,7 @@ class Detections:
 
     frames: frame number -> the people in it. names: of the K points, or empty.
     size:   width and height of the image in pixels, if stated. shares: True if x and y are shares of that size.
-    fps:    frames a second, if stated. layout: if the file states one.
+    fps:    frames a second, if stated.
     """
 
     frames: Mapping[int, Sequence[Detection]]
@@ -44,7 +51,6 @@ class Detections:
     size: tuple[float, float] | None = None
     shares: bool = False
     fps: float | None = None
-    layout: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,26 +74,23 @@ class Keypoints:
     missing: int = 0
 
 
-def detection_of(numbers: Iterable[float], width: int, where: str) -> np.ndarray:
-    """(K, 3) points of a flat list of x, y (and confidence, if `width` is 3). Raises InputError."""
+def detection_of(numbers: Iterable[float], where: str) -> np.ndarray:
+    """(K, 3) points of a flat list of x, y and confidence. Raises InputError."""
     try:
         flat = np.fromiter(numbers, float)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: a person's keypoints are not numbers.") from None
-    if not 0 < flat.size <= width * MOST_POINTS or flat.size % width:
-        raise InputError(
-            f"{where}: a person has {flat.size} numbers, which are not keypoints of {width} numbers each."
-        )
-    return sound_points(flat.reshape(-1, width))
+    if not 0 < flat.size <= 3 * MOST_POINTS or flat.size % 3:
+        raise InputError(f"{where}: a person has {flat.size} numbers, which are not keypoints of 3 numbers each.")
+    return sound_points(flat.reshape(-1, 3))
 
 
 def sound_points(points: np.ndarray) -> np.ndarray:
-    """(K, 3) from (K, 2 or 3): points that are missing, not finite or of no confidence are NaN with confidence 0.
+    """(K, 3) keypoints: points that are missing, not finite or of no confidence are NaN with confidence 0.
 
     Detectors write a missing point as 0, 0.
     """
-    out = np.ones((len(points), 3))
-    out[:, : points.shape[1]] = points
+    out = np.array(points, float)
     gone = ~np.isfinite(out).all(axis=1) | (np.abs(out[:, :2]) > _FARTHEST_PX).any(axis=1)
     gone |= (out[:, :2] == 0).all(axis=1) | (out[:, 2] <= 0)
     out[gone] = (np.nan, np.nan, 0.0)
@@ -123,12 +126,12 @@ def person_of(
     rows = tracks[person]
     count = len(next(iter(rows.values())))
     if layout is None and not found.names:
-        layout = found.layout or layout_of_count(count, name)
+        layout = layout_of_count(count, name)
     names = names_of_layout(layout) if layout is not None else standard_names(found.names, name)
     if len(names) != count:
         raise InputError(
             f"{name} has {count} keypoints a person, and the layout {layout} has {len(names)}.",
-            f"Known are {', '.join(f'{each} ({len(own)})' for each, own in LAYOUTS.items())}.",
+            f"Known are {COUNTED}.",
         )
     layout = layout or next((each for each, own in LAYOUTS.items() if own == names), NAMED)
     size = size or found.size
@@ -155,6 +158,7 @@ def people_of(found: Detections) -> list[dict[int, np.ndarray]]:
     person of the last frames, if it is near in units of its size. The time is linear in the number of frames.
     """
     tracks: dict[str, dict[int, np.ndarray]] = {}
+    weights: dict[str, float] = {}
     last: dict[str, tuple[np.ndarray, float, int]] = {}  # middle, size, frame
     for frame in sorted(found.frames):
         taken: set[str] = set()
@@ -166,13 +170,10 @@ def people_of(found: Detections) -> list[dict[int, np.ndarray]]:
             key = key or f"own {len(tracks)}"
             taken.add(key)
             tracks.setdefault(key, {})[frame] = each.points
+            weights[key] = weights.get(key, 0.0) + float(np.nansum(each.points[:, 2])) * size
             last[key] = middle, size, frame
             if len(last) > MOST_PEOPLE:
                 del last[min(last, key=lambda one: last[one][2])]
-    weights = {
-        key: sum(float(np.nansum(points[:, 2])) * _middle_and_size(points)[1] for points in rows.values())
-        for key, rows in tracks.items()
-    }
     return [tracks[key] for key in sorted(tracks, key=lambda one: -weights[one])]
 
 

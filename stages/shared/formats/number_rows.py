@@ -12,7 +12,7 @@ from typing import Any, overload
 import numpy as np
 
 WORTH_BYTES = 64_000  # importing pyarrow takes longer than parsing a shorter text
-_BLOCK_BYTES = 1 << 19  # a block and what is made of it stay in a processor's cache
+_BLOCK_BYTES = 1 << 19  # a block and its arrays fit into a processor's cache
 _WHITE = b" \t\n\r\v\f"
 _IS_WHITE = np.isin(np.arange(256), list(_WHITE))
 

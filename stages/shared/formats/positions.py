@@ -77,7 +77,7 @@ def read_positions(data: bytes, name: str, asked: Asked) -> list[Recording]:
 
 
 def rig_key(names: Sequence[str]) -> tuple[str, ...]:
-    """A rig by its joints' names, in whatever order a file has them."""
+    """The joints' names as a key of the rig, the same in any order of the joints."""
     return tuple(sorted(plain_names(names)))
 
 

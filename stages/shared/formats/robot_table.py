@@ -158,7 +158,7 @@ def table_with_rows(table: RobotTable, values: np.ndarray, kept: Mapping[int, in
 
 
 def _safe_head(table: RobotTable) -> bytes:
-    """The text before the rows, in which no name of a column is a formula to a spreadsheet; else as it is."""
+    """The text before the rows, with names of columns that a spreadsheet takes for formulas made texts."""
     lines = table.head.decode("latin-1").split(table.newline.decode())
     return table.newline.decode().join(safe_line(line, table.separator) for line in lines).encode("latin-1")
 

@@ -130,12 +130,8 @@ def _row_joints(array: np.ndarray, joints: tuple[int, ...]) -> int:
 
 
 def _frames_by(shape: tuple[int, ...], tails: Iterable[tuple[int, ...]]) -> bool:
-    """Whether a shape is that of frames of one of these, with a leading axis of 1 or without."""
-    for tail in tails:
-        before = shape[: len(shape) - len(tail)]
-        if shape[len(before) :] == tail and len(before) in (1, 2) and (len(before) == 1 or before[0] == 1):
-            return True
-    return False
+    """Whether a shape is (T, *tail) or (1, T, *tail) with one of the tails."""
+    return any(shape[1:] == tail or (shape[:1] == (1,) and shape[2:] == tail) for tail in tails)
 
 
 def _matrix_joints(array: np.ndarray, joints: tuple[int, ...], where: str) -> int:

@@ -73,8 +73,8 @@ class Rotations(Protocol):
 class SourcePoses:
     """T poses of a rig, in its unit and axes.
 
-    local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32; not an array if they are computed when
-    frames of them are asked for.
+    local: (T, J, 4) xyzw rotations in the parents' frames, float64 or float32;
+        an array, or an object that computes the frames asked for (`Rotations`).
     root: (T, 3) joint 0 in the world.
     moving: joints below joint 0 whose place in the parent's frame varies; tracks: (T, K, 3) of them.
     """

@@ -32,7 +32,7 @@ def texts_of_line(line: str, separator: str) -> list[str]:
 
 
 def safe_line(line: str, separator: str) -> str:
-    """A line of cells as it is, but for cells that a spreadsheet takes for formulas: those are made texts.
+    """The line, with cells that a spreadsheet takes for formulas made texts. Other cells are unchanged.
 
     `texts_of_line` reads the same texts from both.
     """

@@ -1,5 +1,5 @@
 """The errors of 2D pose detectors, for training and measuring: noise by keypoint, points that are missing, swapped
-sides, outliers, and confidences that know of a part of all this.
+sides, outliers, and confidences that reflect some of these errors.
 
 The noise's proportions between keypoints are those of COCO's annotators (cocoeval's sigmas, in units of the root of
 the person's area); its size and all other numbers are ours.

@@ -127,7 +127,7 @@ class _PosedRig:
             self._add_foot(found, side)
 
     def _prefer_named(self, found: dict[str, Carried], side: str, bones: Sequence[int], names: Sequence[str]) -> None:
-        """Replace places by joints whose names say that they are it, if they follow one another along the limb."""
+        """Use joints that have the landmarks' names instead, if they follow one another along the limb."""
         named: dict[str, list[int]] = {}
         for bone in bones:
             word = "".join(word for word in sense_of(self.skeleton.names[bone]).words if not word.isdecimal())
@@ -193,9 +193,7 @@ class _PosedRig:
         return joint if joint >= 0 else self.parts.chains[SPINE][-1]
 
     def _placed(self, bone: int, offset: np.ndarray) -> np.ndarray:
-        return self.positions[:, bone] + rotate(
-            self.rotations[:, bone], np.broadcast_to(offset, (len(self.positions), 3))
-        )
+        return self.positions[:, bone] + rotate(self.rotations[:, bone], offset)
 
     def _local(self, bone: int, places: np.ndarray) -> np.ndarray:
         """(3,) median over the poses of places (F, 3), in a joint's frame."""
@@ -204,8 +202,8 @@ class _PosedRig:
     def _in_frame_of(self, bone: int, place: tuple[float, float, float] | np.ndarray) -> np.ndarray:
         """(3,) metres: a vector in legs along the body's left, up and forward, in a joint's frame, mean of the poses.
 
-        Directions of the trunk stand for the joint's own at rest; over many poses a head or a foot that turns to and
-        fro has them in the mean.
+        The trunk's directions are used as those of a head or foot: averaged over many poses, the two are nearly the
+        same.
         """
         vector = self.leg_m * np.einsum("k,fkc->fc", np.asarray(place, float), self.axes)
         local = rotate(conjugate(self.rotations[:, bone]), vector).mean(axis=0)

@@ -84,7 +84,10 @@ def _fast_turns(rotations: np.ndarray, body: np.ndarray, fps: float) -> tuple[in
 
 
 def _blocks(values: np.ndarray, body: np.ndarray) -> Iterator[np.ndarray]:
-    """Values (T, J, C) of some joints (K,) as float64 (C, K, N), time last, a frame after the block included."""
+    """Values (T, J, C) of some joints (K,) as float64 (C, K, N), time last.
+
+    Each block also holds the first frame of the next one.
+    """
     for start in range(0, max(len(values) - 1, 1), BLOCK_FRAMES):
         yield np.array(values[start : start + BLOCK_FRAMES + 1, body].transpose(2, 1, 0), np.float64, order="C")
 

@@ -189,7 +189,7 @@ def _at_rest(skeleton: Skeleton) -> _PosedBody:
 def _shared_pose(
     moving: _PosedBody, target: Skeleton, poses: Motion | None, pieces: dict[int, tuple[Piece, ...]]
 ) -> tuple[_PosedBody, _PosedBody, tuple[int, int], float]:
-    """One pose of each body that are taken for the same pose.
+    """One pose of each body; the two are taken for the same pose.
 
     Returns: the source and the target, each in one pose; their frames, REST_POSE for a rest pose; the mean angle
         between their limbs, which is still to be removed.

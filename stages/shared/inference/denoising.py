@@ -13,7 +13,8 @@ from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models
 from stages.shared.kinematics.forward_numpy import global_rotations, local_rotations_of
 from stages.shared.kinematics.motion_filters import FILTERS, filter_rotations
-from stages.shared.kinematics.rotations import aligned_signs, continuous_signs, slerp
+from stages.shared.kinematics.rotations import aligned_signs, angles_between, continuous_signs, slerp
+from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.robust_smoothing import mend_poses
 
 LONG_GAP_S = 0.3  # a stretch without a usable frame that is longer than this is filled by the models
@@ -42,7 +43,7 @@ class Denoised:
 
 @dataclass(frozen=True)
 class DenoiseOptions:
-    """method: "mend", or a name of `FILTERS`. width: of a filter. strength: 0 to 1. seed, points: of the filling."""
+    """method: "mend", or a name of `FILTERS`. width: of a filter. strength: 0 to 1. seed: of the filling."""
 
     method: str = "mend"
     width: float = 1.0
@@ -134,11 +135,11 @@ def _compared(
     noisy: np.ndarray,
     filled: np.ndarray,
 ) -> Denoised:
-    chord = np.linalg.norm(aligned_signs(made_local, local) - local, axis=-1)
-    turned = np.degrees(4 * np.arcsin(np.minimum(chord / 2, 1)))
+    apart_rad = angles_between(made_local, local)
+    turned = np.degrees(apart_rad)
     apart = (made_places - places).reshape(len(places), -1, 3)
     shifted = np.linalg.norm(apart, axis=-1).max(-1)
-    changed = (chord > _CHANGED) | missing
+    changed = (apart_rad > 2 * _CHANGED) | missing
     moved = (shifted > _CHANGED) | gone
     return Denoised(
         motion_from(skeleton, motion, made_local, made_places),
@@ -168,8 +169,7 @@ def motion_from(skeleton: Skeleton, like: Motion, local: np.ndarray, positions: 
 
 def long_stretches(unusable: np.ndarray, longer_than: float) -> np.ndarray:
     """(T,) True in runs of unusable frames that are longer than a number of frames."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], unusable, [False]]).astype(int)))
     long = np.zeros(len(unusable), bool)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        long[start:stop] = stop - start > longer_than
+    for run in runs_of(unusable):
+        long[run] = len(run) > longer_than
     return long

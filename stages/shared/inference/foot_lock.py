@@ -2,15 +2,15 @@
 
 While a contact joint stands (`stages.shared.inference.standing_feet`), its foot is shifted as a whole to one place:
 through the keys' own places where keys are among the frames, else to the middle of its path at the height at which
-it stands in the keys. Where neither foot stands although the body does not fly, the lower foot comes down. The shift
-comes and goes smoothly, is nothing at every key; and no foot comes lower than the lowest does in the known frames.
+it stands in the keys. Where neither foot stands although the body does not fly, the lower foot comes down. The
+shift begins and ends smoothly and is 0 at every key. No foot comes lower than the lowest foot in the known frames.
 The leg's joints above the foot are solved for it over time (`stages.shared.solve.limb_solve`). The foot keeps its
-direction, the pelvis its place. Hips and knees turn about the axes about which they turn in the keys, so that no knee
-flips.
+direction and the pelvis keeps its place. Hips and knees turn about the axes about which they turn in the keys, so
+that no knee flips.
 
 Holding a foot never makes a pop worse (`stages.shared.inference.pop_limits`). The shift is the nearest to the wanted
 one with which no part of the foot accelerates more than it may (`stages.shared.solve.bounded_path`). Where the leg
-above the foot still turns or accelerates too much, the foot is let go by degrees.
+above the foot still turns or accelerates too much, its shift is reduced step by step.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ import numpy as np
 import torch
 from scipy.ndimage import maximum_filter1d
 
-from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, runs_of, without_pops
+from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, without_pops
 from stages.shared.inference.standing_feet import held_shifts, lowered_feet, standing_feet
 from stages.shared.kinematics.foot_contacts import Feet, find_feet, limb_joints
 from stages.shared.kinematics.rotations import multiply
+from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.bounded_path import bounded_shift
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
@@ -199,9 +200,9 @@ def _wanted_shift(
 def _smooth(shifts: np.ndarray, held: np.ndarray, known: np.ndarray, fps: float) -> np.ndarray:
     """Shifts (T, 3) that follow those of the held frames, die away between them, and are nothing at keys.
 
-    A foot that stops to stand, or that changes from heel to toe, must not jump: of all paths the one is taken that is
-    near to what is wanted and bends little (Whittaker's smoother: squares of second differences), in held frames
-    within `SMOOTH_S`, elsewhere, where little is wanted, within what follows from `LOOSE`.
+    A foot that stops to stand, or that changes from heel to toe, must not jump: the path is near to the
+    wanted one and bends little (Whittaker's smoother: squares of second differences). `SMOOTH_S` sets how much it may
+    bend; frames in which the foot is not held have the weight `LOOSE`.
     """
     wanted = np.where(held[:, None], shifts, 0.0)
     frames, weights = np.arange(float(len(shifts))), np.where(held, 1.0, LOOSE)

@@ -46,7 +46,7 @@ class PlacedCamera:
 class Lifted:
     """motion: on the lifter's rig, level, the floor at height 0, its first frame above the origin.
 
-    camera: that saw it.
+    camera: the one that saw it.
     error: (T,) distance between keypoints and the result projected, metres at the body's distance, root mean square;
     NaN in frames without keypoints. view: the solved camera and path.
     """
@@ -95,9 +95,9 @@ def lift(model: PoseModel, keypoints: Keypoints, intrinsics: Intrinsics, *, know
     pose = _posed(model, task, rays, trust, known)
     rig = model.rig
     view = solve_view(_landmarks_of(task, pose.rotations), rays, trust, fps=MODEL_FPS, known=known)
-    refined = refine_pose(rig.body, task.landmarks, pose.rotations[0], view, rays, trust)
-    view = solve_view(_landmarks_of(task, refined.rotations[None]), rays, trust, fps=MODEL_FPS, known=known)
-    motion = rig.motion(torch.from_numpy(view.path).float(), refined.rotations, MODEL_FPS)
+    rotations = refine_pose(rig.body, task.landmarks, pose.rotations[0], view, rays, trust)
+    view = solve_view(_landmarks_of(task, rotations[None]), rays, trust, fps=MODEL_FPS, known=known)
+    motion = rig.motion(torch.from_numpy(view.path).float(), rotations, MODEL_FPS)
     motion = resample(motion, fps)
     motion = motion.at(slice(0, frames))
     moved, shift = _on_floor(model, motion)

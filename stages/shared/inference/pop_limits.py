@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from stages.shared.kinematics.rotations import angles_between
+from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.statistics.measurements import measured_joints
 
@@ -82,12 +83,6 @@ class PopLimits:
 def _missing(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(T - 1,) and (T - 2,) bool: pairs and threes of frames of which one is not known."""
     return ~(known[1:] & known[:-1]), ~(known[2:] & known[1:-1] & known[:-2])
-
-
-def runs_of(flags: np.ndarray) -> list[np.ndarray]:
-    """Runs of True as arrays of indices."""
-    found = np.flatnonzero(flags)
-    return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
 
 
 def without_pops(pose: SkeletonPose, changed: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:

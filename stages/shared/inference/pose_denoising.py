@@ -31,7 +31,7 @@ def refined(model: PoseModel, skeleton: Skeleton, noisy: Motion, mended: Motion)
     def made(first: int, stop: int) -> BodyPose:
         part = slice(first, stop)
         given = torch.ones(1, stop - first, dtype=torch.bool)
-        parts = [BodyPose(pose.roots[:, part], pose.rotations[:, part]) for pose in (seen, start)]
+        parts = [pose.frames(part) for pose in (seen, start)]
         shown = task.see(parts[0], given, mended=parts[1])
         times = torch.arange(stop - first).float().unsqueeze(0) * pace
         return model.pose(shown.features, shown.given, shown.base, times).back(shown.yaw, shown.centre)

@@ -7,7 +7,7 @@ is not built as the rig.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -28,15 +28,6 @@ _STEPS, _RATE = 60, 0.04
 _PARTS = (0, 1, 1, 2, 2)  # of the body groups: trunk, arms, legs
 
 
-@dataclass(frozen=True)
-class Refined:
-    """rotations (T, J, 4), path (T, 3) metres, in the level frame; lengths (3,) factors on trunk, arms and legs."""
-
-    rotations: Tensor
-    path: Tensor
-    lengths: Tensor
-
-
 def refine_pose(
     body: RigBody,
     landmarks: tuple[np.ndarray, np.ndarray],
@@ -46,8 +37,8 @@ def refine_pose(
     trust: np.ndarray,
     *,
     steps: int = _STEPS,
-) -> Refined:
-    """Refine a pose seen by a known camera. Time and memory are linear in T.
+) -> Tensor:
+    """The rotations (T, J, 4) of a refined pose seen by a known camera. Time and memory are linear in T.
 
     Args:
         landmarks: (L,) bones and (L, 3) places on them. rotations: (T, J, 4) global, in the level frame.
@@ -66,18 +57,18 @@ def refine_pose(
     part = torch.tensor(_PARTS)[body.groups.clamp_min(0)]
     above = torch.as_tensor(body.parents.clip(0))
 
-    def posed() -> tuple[Tensor, Tensor, Tensor]:
+    def posed() -> tuple[Tensor, Tensor]:
         world = global_rotations(multiply(start, from_turn_vectors(turns)), body.parents)
         factors = lengths.exp()[part]
         heads = pose_heads(replace(body, offsets=body.offsets * factors[above, None]), path0 + shift, world)
         held = (places * factors[bones, None]).expand(len(world), -1, 3)
-        return world, heads, heads[:, bones] + rotate(world[:, bones], held)
+        return world, heads[:, bones] + rotate(world[:, bones], held)
 
     optimiser = torch.optim.Adam([turns, shift, lengths], lr=_RATE)
     for step in range(steps):
         for group in optimiser.param_groups:
             group["lr"] = _RATE * (1 - step / steps) ** 0.5
-        _, _, points = posed()
+        _, points = posed()
         seen = projected(rotate(turn.expand(*points.shape[:2], 4), points))
         apart = (seen - wanted) * depth.unsqueeze(1) / _SEEN_M
         # Soft L1: beyond `_ROBUST` the pull no longer grows.
@@ -92,5 +83,4 @@ def refine_pose(
         (torch.stack(terms).sum() / len(turns)).backward()
         optimiser.step()
     with torch.no_grad():
-        world, _, _ = posed()
-        return Refined(world, path0 + shift, lengths.exp())
+        return posed()[0]

@@ -1,7 +1,7 @@
 """When the feet of a filled motion stand, and where.
 
-Filled feet glide where true ones stand and step, so that standing is judged beside the foot's own steps, and by the
-keys. Where a foot is to stand follows from the keys, or else from its filled path.
+Filled feet glide where true ones stand. So a foot stands if it is slow compared with its own steps, or if it is low
+and at the same place in the keys on both sides. The place follows from the keys, or else from the filled path.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from stages.shared.inference.pop_limits import runs_of
 from stages.shared.kinematics.foot_contacts import (
     HEIGHT_SHARE,
     SPEED_SHARE,
@@ -20,6 +19,7 @@ from stages.shared.kinematics.foot_contacts import (
     detect_contacts,
     floor_levels,
 )
+from stages.shared.kinematics.runs import runs_of
 
 # A filled foot is slow up to this share of its own fastest within so many seconds, at most so many legs a second.
 SLOW_SHARE, FASTEST_WITHIN_S, SLOW_AT_MOST = 0.7, 1.0, 2.5
@@ -31,12 +31,10 @@ GRAVITY_MPS2, FLIGHT_SHARE, FALL_S = 9.81, 0.5, 0.1
 def standing_feet(positions: np.ndarray, feet: Feet, fps: float, known: np.ndarray) -> np.ndarray:
     """(T, F) bool: contact joints that stand, in a motion of which some frames are filled.
 
-    By the definition of `detect_contacts`, with the floor of the known frames, but that slow is what is slow beside
-    the foot's own steps: filled feet glide where true ones stand and step, and of what stands at 0.35 legs a second
-    only seven tenths is found, of this nine tenths. And between two neighbouring keys in
-    both of which a joint is low, in places that it could not have left and come back to while standing slow, all
-    frames in which it stays low: that it slides there is the filling's doing. A joint that is further from its place
-    than `FURTHEST_SHARE` of the leg does not stand.
+    The definition is that of `detect_contacts` with the floor of the known frames, but the limit on speed follows
+    from the foot's own fastest step nearby. In addition, a joint that is low in two neighbouring keys, at nearly the
+    same place, stands in all frames between them in which it stays low. A joint that is further from its place than
+    `FURTHEST_SHARE` of the leg does not stand.
     """
     levels = floor_levels(positions, feet, known)
     speeds = contact_speeds(positions, feet, fps)

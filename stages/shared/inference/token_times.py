@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.runs import runs_of
 
 CLEARANCE = 0.5  # model frames; a 30 fps time nearer than this to a key is dropped
 SPREAD = 48
@@ -36,8 +37,7 @@ class Tokens:
 
     def gaps(self) -> list[np.ndarray]:
         """Runs of tokens that are not keys, as arrays of indices."""
-        free = np.flatnonzero(~self.is_key)
-        return [run for run in np.split(free, np.flatnonzero(np.diff(free) > 1) + 1) if len(run)]
+        return runs_of(~self.is_key)
 
     def around_gaps(self) -> np.ndarray:
         """(N,) bool, the tokens of gaps and the keys beside them."""

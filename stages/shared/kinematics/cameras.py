@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from stages.shared.kinematics.rotations import conjugate, rotate
+from stages.shared.kinematics.rotations import conjugate, multiply, rotate
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -67,7 +67,7 @@ def projected(points: Array) -> Array:
 def look_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
     """(..., 4) rotations of cameras without roll at `position` (..., 3) whose principal point is `target` (..., 3).
 
-    A camera straight above or below its target has its image's up along -Z.
+    The up of the image is along -Z for a camera straight above its target, and along +Z for one straight below.
     """
     from scipy.spatial.transform import Rotation
 
@@ -87,9 +87,13 @@ def random_place(rng: np.random.Generator, target: np.ndarray, body_m: float = 1
     azimuth = rng.uniform(0, 2 * np.pi)
     elevation = np.radians(rng.uniform(*ELEVATION_DEG))
     distance = np.exp(rng.uniform(*np.log(DISTANCE_M))) * body_m / 1.7
+    return target + distance * _direction(azimuth, elevation)
+
+
+def _direction(azimuth: float, elevation: float) -> np.ndarray:
+    """(3,) unit vector of these angles, radians: 0 azimuth is +Z, a quarter turn +X."""
     level = np.cos(elevation)
-    direction = np.array([np.sin(azimuth) * level, np.sin(elevation), np.cos(azimuth) * level])
-    return target + distance * direction
+    return np.array([np.sin(azimuth) * level, np.sin(elevation), np.cos(azimuth) * level])
 
 
 def placed_around(
@@ -105,8 +109,17 @@ def placed_around(
     azimuth = np.arctan2(away[0], away[2]) if azimuth_deg is None else np.radians(azimuth_deg)
     elevation = np.arctan2(away[1], level) if elevation_deg is None else np.radians(elevation_deg)
     distance = float(np.linalg.norm(away)) if distance_m is None else distance_m
-    flat = np.cos(elevation)
-    return target + distance * np.array([np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat])
+    return target + distance * _direction(azimuth, elevation)
+
+
+def camera_as_data(position: np.ndarray, rotation: np.ndarray, intrinsics: Intrinsics) -> dict[str, Any]:
+    """A camera as plain data, for files and reports."""
+    return {
+        "position_m": position.tolist(),
+        "rotation_xyzw": rotation.tolist(),
+        "focal_px": intrinsics.focal_px,
+        "centre_px": list(intrinsics.centre),
+    }
 
 
 def view_yaw(position: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -128,15 +141,9 @@ def level_camera(pitch: Array, roll: Array) -> Array:
     xp = _module_of(pitch)
     # Half a turn about X takes the camera's axes (x right, y down, z forward) to X right, Y up, looking along -Z.
     half, zero = pitch / 2, pitch * 0
-    tilt = xp.stack([xp.cos(half), zero, zero, xp.sin(half)], **_last(xp))
-    turn = xp.stack([zero, zero, xp.sin(roll / 2), xp.cos(roll / 2)], **_last(xp))
-    from stages.shared.kinematics.rotations import multiply
-
+    tilt = xp.stack([xp.cos(half), zero, zero, xp.sin(half)], -1)
+    turn = xp.stack([zero, zero, xp.sin(roll / 2), xp.cos(roll / 2)], -1)
     return multiply(tilt, turn)
-
-
-def _last(xp: Any) -> dict[str, int]:
-    return {"axis": -1} if xp is np else {"dim": -1}
 
 
 def _module_of(values: Any) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.rotations import CONJUGATE, continuous_signs, multiply, multiply_parts, rotate_parts
 
-BLOCK_FRAMES = 1024  # computed at a time: what they take stays in a processor's cache
+BLOCK_FRAMES = 1024  # computed at a time: their arrays fit into a processor's cache
 
 
 def global_rotations(local: np.ndarray, parents: np.ndarray) -> np.ndarray:

@@ -21,11 +21,13 @@ _MOST_GAIN = 6.0  # pairs of frames that amplify noise by more than this predict
 _LOCAL = 61  # frames, over which the level of clean motion is taken
 _FRAME_LIMITS = (1.5, 4.0)  # times that level: before the refinement, where too many do no harm, and in it
 _JOINT_LIMITS = (5.0, 6.0)
-_MOTION = 0.2  # of the clean frames' errors, the quantile that noisy ones among them do not reach
-_OF_NOISE = 0.35  # of the noisy frames' usual error: a smaller one is motion
+_MOTION = (
+    0.2  # quantile of the clean frames' errors that stands for motion; frames wrongly taken for clean lie above it
+)
+_OF_NOISE = 0.35  # share of the noisy frames' median error; a frame below it is not noisy
 _ROUNDS = 8
-_AT_ENDS, _MOST_GROWTH = 2.0, 3.0  # times more at the ends; what the growth with the gap may be at most
-_BEYOND, _HIGH, _AROUND = 3.0, 80, 25  # times that percentile of the errors of clean frames around, in frames
+_AT_ENDS, _MOST_GROWTH = 2.0, 3.0  # factor on the limit at the ends; largest factor for a long gap
+_BEYOND, _HIGH, _AROUND = 3.0, 80, 25  # limit: so many times this percentile of the errors of so many clean frames
 _NEAR = 3  # frames, within which a line may be continued beyond two clean frames
 
 
@@ -96,8 +98,8 @@ def _beyond_motion(values: np.ndarray, noisy: np.ndarray) -> np.ndarray:
     level = error / np.sqrt(gap)
     at = np.flatnonzero(clean)
     usual = percentile_filter(level[at], _HIGH, size=min(_AROUND, 2 * len(at) - 1), mode="nearest")
-    near = np.interp(np.arange(len(values)), at, usual)
     frames = np.arange(len(values))
+    near = np.interp(frames, at, usual)
     asked = np.where((frames < at[0]) | (frames > at[-1]), _AT_ENDS * _BEYOND, _BEYOND)
     return error > asked * near * np.minimum(np.sqrt(gap), _MOST_GROWTH)
 

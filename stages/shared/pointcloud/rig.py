@@ -40,6 +40,15 @@ class Rig:
     rest_root: np.ndarray
     pelvis_moves: bool = False
 
+    def is_like(self, other: Rig) -> bool:
+        """Whether both have the same joint names and the same bones, to 1 mm."""
+        one, two = self.body.tails, other.body.tails
+        return (
+            self.skeleton.names == other.skeleton.names
+            and one.shape == two.shape
+            and bool(np.allclose(one, two, atol=1e-3))
+        )
+
     @cached_property
     def body(self) -> RigBody:
         """The bones of the body alone."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -24,6 +25,15 @@ class BodyPose:
 
     def to(self, device: torch.device) -> BodyPose:
         return BodyPose(self.roots.to(device), self.rotations.to(device))
+
+    def frames(self, part: slice) -> BodyPose:
+        """Some of the T frames."""
+        return BodyPose(self.roots[:, part], self.rotations[:, part])
+
+    @staticmethod
+    def joined(parts: Sequence[BodyPose]) -> BodyPose:
+        """The windows of several batches as one."""
+        return BodyPose(torch.cat([each.roots for each in parts]), torch.cat([each.rotations for each in parts]))
 
     def heads(self, body: RigBody) -> Tensor:
         """(B, T, J, 3) metres."""

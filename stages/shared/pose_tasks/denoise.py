@@ -60,11 +60,11 @@ class DenoiseTask(PoseTask):
             NOISES[self.corruption](root, turn, row)[:2]
             for root, turn, row in zip(clean.roots.numpy(), local, rows, strict=True)
         ]
-        return _pose_of(made, parents)
+        return pose_of_local(made, parents)
 
 
 class RepairTask(DenoiseTask):
-    """The same noise, after `mend_poses`: the network learns what that cannot mend, such as drifts."""
+    """The same noise, after `mend_poses`: the network learns to correct what `mend_poses` leaves, such as drifts."""
 
     name: ClassVar[str] = "repair"
 
@@ -84,10 +84,10 @@ class RepairTask(DenoiseTask):
         parents = self.rig.body.parents
         local = local_rotations(noisy.rotations, parents).numpy()
         found = [mend_poses(turn, root) for root, turn in zip(noisy.roots.numpy(), local, strict=True)]
-        return _pose_of([(each.positions, each.local) for each in found], parents)
+        return pose_of_local([(each.positions, each.local) for each in found], parents)
 
 
-def _pose_of(parts: Sequence[tuple[np.ndarray, np.ndarray]], parents: np.ndarray) -> BodyPose:
+def pose_of_local(parts: Sequence[tuple[np.ndarray, np.ndarray]], parents: np.ndarray) -> BodyPose:
     """Roots (T, 3) and local rotations (T, J, 4) of each window as one pose."""
     roots = torch.from_numpy(np.stack([roots for roots, _ in parts])).float()
     local = torch.from_numpy(np.stack([local for _, local in parts])).float()

@@ -1,7 +1,7 @@
 """The task `estimate` (PUMPS 5.1): 2D keypoints of a body in, the motion of one rig out.
 
 The pose is found in the view's frame: level, its origin at the window's mean root, seen along -Z by the camera. So it
-does not depend on where camera and body stand, and whoever faces the camera faces +Z, as the rest pose does.
+does not depend on where camera and body stand, and a body that faces the camera faces +Z, as the rest pose does.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from stages.shared.humanoid.detector_errors import DETECTOR, NONE, with_errors
 from stages.shared.humanoid.landmarks import LANDMARKS, landmarks_of
 from stages.shared.kinematics.cameras import in_camera, look_at, projected, random_place, view_yaw
 from stages.shared.kinematics.forward_numpy import positions_of
-from stages.shared.kinematics.rotations import multiply, rotate
+from stages.shared.kinematics.rotations import aligned_signs, multiply, rotate
+from stages.shared.networks.lifters.lifters import CAMERA_FEATURES
 from stages.shared.pointcloud.rig import Rig, RigBody, pose_heads
 from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.mirrored import mirror_of_rig
@@ -28,14 +29,13 @@ from stages.shared.pose_tasks.task import PoseTask, TaskBatch, mean_norm
 
 PAPER, MASKED, SEEN, DETECTED = "paper", "masked", "landmarks", "detector"
 OF_JOINTS = (PAPER, MASKED)  # these show the rig's own joints, the others the landmarks of pose detectors
-CAMERA_FEATURES = 4  # the window's middle as a ray (2), the logarithm of its size in rays, 1 if these are known
 LEAST_POINTS = 4  # that a frame must have to be read
 _ROOT_WEIGHT = 0.2  # of the root's path, which 2D keypoints of a body of unknown size determine badly
 _VELOCITY_WEIGHT = 2.0  # of the joints' velocities, metres a frame
 _MOST_STRETCHED = 1.3  # factor on the length of a bone
-_MOVED_M = 0.015  # what a detector calls a hip is not quite where a rig has its joint
+_MOVED_M = 0.015  # standard deviation of a landmark's place: a detector's hip is not exactly the rig's joint
 _OFF_AXIS = 0.25  # how far the body's middle may lie from the image's, as a ray
-_HIDDEN, _MOVED = 0.15, 0.02  # of the task `masked`: share of joints, and noise as a share of the person's size
+_HIDDEN, _MOVED = 0.15, 0.02  # of the corruption `masked`: share of joints, and noise as a share of the person's size
 _ROLL_RAD, _KNOWN = np.radians(2.0), 0.5  # of hand-held cameras; share of windows whose camera is known
 
 
@@ -205,32 +205,35 @@ class EstimateTask(PoseTask):
     def errors(self, made: BodyPose, batch: TaskBatch) -> dict[str, Tensor]:
         """Joint-wise L2 of positions from the root (metres), of quaternions and of the root's path; except for
         `paper`, also of the joints' velocities."""
-        found = super().errors(_rooted(made), _with_target(batch, _rooted(batch.target)))
-        apart = (made.roots - batch.target.roots).unsqueeze(-2)
-        found["root"] = _ROOT_WEIGHT * mean_norm(apart, batch.valid)
+        apart = self._apart(made, batch)
+        turned = aligned_signs(made.rotations, batch.target.rotations) - batch.target.rotations
+        path = (made.roots - batch.target.roots).unsqueeze(-2)
+        found = {
+            "position": mean_norm(apart, batch.valid),
+            "quaternion": mean_norm(turned, batch.valid),
+            "root": _ROOT_WEIGHT * mean_norm(path, batch.valid),
+        }
         if self.corruption not in OF_JOINTS:  # a detector's jitter must not become the motion's
-            body = self.rig.body
-            moved = _rooted(made).heads(body) - _rooted(batch.target).heads(body)
-            found["velocity"] = _VELOCITY_WEIGHT * mean_norm(moved[:, 1:] - moved[:, :-1], batch.valid[:, 1:])
+            found["velocity"] = _VELOCITY_WEIGHT * mean_norm(apart[:, 1:] - apart[:, :-1], batch.valid[:, 1:])
         return found
 
     def measures(self, made: BodyPose, batch: TaskBatch) -> dict[str, float]:
         """`mpjpe_mm` from the root, `mpjve_mm` a frame of the same, `root_mm` of the root's path."""
-        body = self.rig.body
-        apart = _rooted(made).heads(body) - _rooted(batch.target).heads(body)
+        apart = self._apart(made, batch)
         return {
             "mpjpe_mm": 1000 * float(mean_norm(apart, batch.valid)),
             "mpjve_mm": 1000 * float(mean_norm(apart[:, 1:] - apart[:, :-1], batch.valid[:, 1:])),
             "root_mm": 1000 * float(mean_norm((made.roots - batch.target.roots).unsqueeze(-2), batch.valid)),
         }
 
+    def _apart(self, made: BodyPose, batch: TaskBatch) -> Tensor:
+        """(B, T, J, 3) errors of positions from the root, metres."""
+        body = self.rig.body
+        return _rooted(made).heads(body) - _rooted(batch.target).heads(body)
+
 
 def _rooted(pose: BodyPose) -> BodyPose:
     return BodyPose(torch.zeros_like(pose.roots), pose.rotations)
-
-
-def _with_target(batch: TaskBatch, target: BodyPose) -> TaskBatch:
-    return TaskBatch(batch.features, batch.given, batch.base, target, batch.valid)
 
 
 def _with_offsets(body: RigBody, offsets: Tensor) -> RigBody:

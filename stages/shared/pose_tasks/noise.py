@@ -41,8 +41,8 @@ def capture_noise(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What capture does to a clip at 30 frames a second: jitter of markers on all frames, bursts of noise on a joint
     and the joints after it, a joint that drifts away and comes back, a joint that freezes, a joint that is lost (its
-    rotation is the identity), a pelvis that slides along the floor. Each but the jitter happens once or twice per
-    128 frames, on joints drawn at random.
+    rotation is the identity), a pelvis that slides along the floor. Per 128 frames, and at least once in a clip,
+    there are one or two bursts and one of each other fault; the joints are drawn at random.
 
     Args and returns: as `paper_noise`; jitter alone does not make a joint noisy.
     """
@@ -66,7 +66,7 @@ def capture_noise(
         noisy[at, joint] = True
         at, joint = _stretch(frames, (2, 12), rng), int(rng.integers(joints))  # a lost joint
         lost[at, joint] = noisy[at, joint] = True
-        at = _stretch(frames, (10, 40), rng)  # a slide of the feet
+        at = _stretch(frames, (10, 40), rng)  # a slide of the pelvis
         slide = np.zeros(3)
         slide[[0, 2]] = rng.uniform(0.01, 0.05) * rng.standard_normal(2)
         roots[at] += np.sin(np.linspace(0, np.pi, len(at)))[:, None] * slide

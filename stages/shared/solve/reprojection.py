@@ -19,7 +19,7 @@ from stages.shared.kinematics.rotations import conjugate, rotate
 POSE_ERROR_M = 0.06  # standard deviation of a point of the pose
 BEND_M = 0.004  # of the path's second difference at 30 frames a second
 _PITCH_PRIOR, _ROLL_PRIOR, _ZOOM_PRIOR = np.radians(10.0), np.radians(2.0), 0.04
-_CAMERA_EVIDENCE = 40.0  # points that the errors of all weigh as much as: those of a pose are alike over a clip
+_CAMERA_EVIDENCE = 40.0  # all points count as at most so many, because the errors of a pose are alike over a clip
 _ROBUST = 2.0  # standard deviations from which a point counts less
 _ROUNDS = 5
 _MOST_FRAMES = 80  # that the camera is found from

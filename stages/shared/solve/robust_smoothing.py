@@ -12,6 +12,7 @@ import numpy as np
 
 from stages.shared.kinematics.noisy_frames import errors_from_clean, noisy_frames, noisy_joints
 from stages.shared.kinematics.rotations import continuous_signs
+from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.smoothing import smooth_as_needed, smooth_corrections
 
 _MISSING_WEIGHT = 1e-6  # of a missing frame, against 1
@@ -20,7 +21,7 @@ _MANY = 0.1  # with more noisy frames than this, the frames between them are too
 _JITTER_RAD = np.radians(0.15)  # root mean square; a joint whose jitter is less stays as it is
 _JITTER_M = 0.001
 _FROZEN_FRAMES = 4
-_FROZEN_JUMP = 4.0  # times the joint's usual step: how far it jumps where it is frozen or freed
+_FROZEN_JUMP = 4.0  # times the joint's usual step: how far it jumps when it is freed
 _LOST_DEGREES = 10.0
 
 
@@ -93,8 +94,8 @@ def frozen_joints(rotations: np.ndarray) -> np.ndarray:
         if moves.mean() < 0.5:  # a joint that mostly stands still is held on purpose
             continue
         usual = np.median(step[moves, joint])
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], moves, [True]]).astype(int)))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for run in runs_of(~moves):
+            start, stop = int(run[0]), int(run[-1]) + 1
             freed = step[stop, joint] if stop < len(step) else 0.0
             if stop - start >= _FROZEN_FRAMES and freed > _FROZEN_JUMP * usual:
                 found[start + 1 : stop + 1, joint] = True

@@ -1,10 +1,12 @@
-"""Tables by category of motion: PUMPS Tables 3 and 4 have one column a category, which file names tell."""
+"""Tables by category of motion.
+
+PUMPS Tables 3 and 4 have one column for each category, which is read from the file names.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from fnmatch import fnmatch
+from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 
 import numpy as np
@@ -12,23 +14,18 @@ import numpy as np
 from data_schemas.clips import ClipRow
 from data_schemas.metrics import MetricRow
 from stages.shared.statistics.bootstrap import mean_interval
+from stages.shared.statistics.categories import category_of
 from stages.shared.statistics.table import Entry, Row, Table
 
 ALL = "all"
 
 
-def patterns_of(texts: Sequence[str]) -> list[tuple[str, str]]:
-    """Names and patterns of texts NAME=PATTERN."""
-    return [(name, pattern) for name, _, pattern in (text.partition("=") for text in texts)]
-
-
-def category_of(row: ClipRow, patterns: Sequence[tuple[str, str]]) -> str | None:
-    """The first category whose pattern the clip's source matches, None if there is none; without patterns the first
-    word of the file's name: walk of walk3_subject4.bvh."""
-    source = row.source.replace("\\", "/")
+def word_or_category(row: ClipRow, patterns: Mapping[str, str]) -> str | None:
+    """As `category_of`; without patterns the first word of the file's name: walk of walk3_subject4.bvh."""
     if patterns:
-        return next((name for name, pattern in patterns if fnmatch(source, pattern)), None)
-    found = re.match(r"[^\W\d_]+", PurePosixPath(source.rsplit("!", 1)[-1]).stem)
+        return category_of(row, patterns)
+    stem = PurePosixPath(row.source.replace("\\", "/").rsplit("!", 1)[-1]).stem
+    found = re.match(r"[^\W\d_]+", stem)
     return found[0] if found else "other"
 
 

@@ -17,7 +17,7 @@ class MeasuredWeights(BaseModel):
     source:  folder or name of the weights.
     data:    the data of their last training.
     digests: SHA-256 of each of their parts: of the checkpoints' content, and of the file of their confidence.
-    minutes: of their last training; None where it is not known.
+    minutes: of the last training of each of their networks, added up; None where one is not known.
     native:  whether any of their trainings used clips of the measured archives; None where it is not known.
     """
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
-from stages.shared.statistics.category_tables import category_of, patterns_of
+from stages.shared.statistics.categories import named
+from stages.shared.statistics.category_tables import word_or_category
 
 
 def windows_by_category(
@@ -28,11 +29,11 @@ def windows_by_category(
 
     Raises: InputError if there is no window.
     """
-    patterns = patterns_of(categories)
+    patterns = named("category", categories)
     by_category: dict[str, list[tuple[ClipRow, int]]] = {}
     for row in sorted(clips, key=lambda row: row.clip):
         if row.split in splits and row.skeleton in rigs and row.frames >= window:
-            category = category_of(row, patterns)
+            category = word_or_category(row, patterns)
             if category is not None:
                 starts = range(0, row.frames - window + 1, window)
                 by_category.setdefault(category, []).extend((row, start) for start in starts)

@@ -6,4 +6,6 @@ TASK_NAMES = ("interpolation", "transition", "prediction")
 INTERPOLATION, TRANSITION, PREDICTION = TASK_NAMES
 RETARGETING = "retargeting"
 RECONSTRUCTION = "reconstruction"
-DENOISING = "denoising"  # no filling: a metrics artefact of it is shown as its page
+DENOISING = "denoising"
+ESTIMATION = "estimation"
+OF_PAGES = (DENOISING, ESTIMATION)  # no filling: a metrics artefact of these is shown as its page

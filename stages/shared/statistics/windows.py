@@ -75,14 +75,15 @@ class Window:
 def clip_windows(clip: str, clip_frames: int, task: Task) -> list[Window]:
     """All windows that fit without overlap, spread evenly from the clip's first frame to its last.
 
-    With a stride: those that begin at its multiples, as long as a window of LaFAN1's length fits.
+    With a stride: those that begin at its multiples and end, with LaFAN1's length, before the clip's last frame, as
+    in that benchmark.
     """
     frames = task.frames_in(clip_frames)
     if not frames:
         return []
     if task.stride:
         last = clip_frames - max(frames, LAFAN1_SPAN)
-        return [Window(clip, start, frames) for start in range(0, max(0, last), task.stride)]
+        return [Window(clip, start, frames) for start in range(0, last, task.stride)]
     starts = np.linspace(0, clip_frames - frames, max(1, clip_frames // frames))
     if len(starts) == 1:
         starts = np.array([(clip_frames - frames) // 2])

@@ -76,7 +76,7 @@ class TaskDrawer:
 class PoseTraining(TrainingTask[PoseNetwork]):
     """Training one network on one task.
 
-    The network must be on its device. Its features are scaled here, by windows of the training pool.
+    The network is moved to the device. Its features are scaled by windows of the training pool.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class PoseTraining(TrainingTask[PoseNetwork]):
         return value, {name: error.detach() for name, error in errors.items()}
 
     def validate(self) -> dict[str, float]:
-        """The task's measures on fixed windows, and those of the base pose, which is what no network would give."""
+        """The task's measures on fixed windows, for the network's pose and for the base pose alone."""
         batch = self.held_back.to(self.device)
         base = self.task.measures(batch.base, batch)
         return self.task.measures(self.made(batch), batch) | {f"{name}_of_base": base[name] for name in base}

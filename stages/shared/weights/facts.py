@@ -9,6 +9,7 @@ from typing import Any
 from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.damaged_files import reading
+from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.trainings import last_sentence, plain_trainings
 from stages.shared.weights import shipped
@@ -60,6 +61,11 @@ def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
     folder = task_weights(name_or_path)
     artefact = open_artefact(folder, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
+    if "task" not in kept.config:
+        raise InputError(
+            f"{folder} holds no network that was fine-tuned for a task.",
+            "Give the folder that holds both ae and lms.",
+        )
     rig = kept.config.get("rig")
     names = rig.get("skeleton", {}).get("names", []) if isinstance(rig, dict) else []
     return {
@@ -74,12 +80,16 @@ def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
         "trained_on": last_sentence(kept.trainings),
         "steps": sum(each.steps for each in kept.trainings),
         "validation": {
-            name: value
-            for name, value in next((row for row in kept.log if row.get("split") == "val"), {}).items()
-            if name not in ("split", "seconds")
+            name: value for name, value in kept_validation(kept.log).items() if name not in ("split", "seconds")
         },
         "card": kept.card,
     }
+
+
+def kept_validation(log: list[dict[str, Any]]) -> dict[str, Any]:
+    """The validation of a task's kept weights: that of the least `mpjpe_mm`; empty if there is none."""
+    validations = (row for row in log if row.get("split") == "val")
+    return min(validations, key=lambda row: row.get("mpjpe_mm", 0.0), default={})
 
 
 def verdicts(measured: list[dict[str, Any]]) -> dict[str, list[str]]:

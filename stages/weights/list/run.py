@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
 from stages.shared.weights.facts import facts_of, task_facts_of
@@ -15,25 +17,24 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError if shipped weights are damaged.
     """
-    known = {name: facts_of(name) for name in shipped_weights()}
+    found = {name: facts_of(name) for name in shipped_weights()}
+    found |= {name: task_facts_of(name) for name in shipped_task_weights()}
     lines = []
-    for name, facts in known.items():
-        mark = "  (default)" if facts["default"] else ""
+    for name, facts in found.items():
         lines += [
-            f"{name:12}{facts['bytes'] / 1e6:5.1f} MB  gaps of up to {facts['longest_gap']} frames at 30 fps{mark}",
+            f"{name:12}{facts['bytes'] / 1e6:5.1f} MB  {_use(facts)}",
             f"{'':12}trained on {facts['trained_on']}",
             *[f"{'':12}licence: {licence}" for licence in facts["licences"]],
         ]
-    tasks = {name: task_facts_of(name) for name in shipped_task_weights()}
-    for name, facts in tasks.items():
-        lines += [
-            f"{name:12}{facts['bytes'] / 1e6:5.1f} MB  for the task {facts['task']}, rig of {facts['joints']} joints",
-            f"{'':12}trained on {facts['trained_on']}",
-            *[f"{'':12}licence: {licence}" for licence in facts["licences"]],
-        ]
-    lines.append("More of one: pumps weights show NAME" if known or tasks else "No weights are shipped.")
+    lines.append("More of one: pumps weights show NAME" if found else "No weights are shipped.")
     shown = {
         name: {key: value for key, value in facts.items() if key not in ("card", "measured")}
-        for name, facts in (known | tasks).items()
+        for name, facts in found.items()
     }
     return StageReport(lines=lines, figures={"weights": shown})
+
+
+def _use(facts: dict[str, Any]) -> str:
+    if "task" in facts:
+        return f"for the task {facts['task']}, rig of {facts['joints']} joints"
+    return f"gaps of up to {facts['longest_gap']} frames at 30 fps{'  (default)' if facts['default'] else ''}"

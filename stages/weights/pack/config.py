@@ -12,8 +12,11 @@ from stages.shared.contract import WritingConfig
 class Config(WritingConfig):
     """Make a run's networks small enough to hand on."""
 
-    run: Path = Field(description="A run's folder, with train-ae and train-lms, or packed weights.")
-    output: Path = Field(description="Folder for the weights: ae, lms and MODEL_CARD.md.")
+    run: Path = Field(
+        description="A run's folder, with train-ae and train-lms, packed weights, or the folder of a fine-tuned"
+        " network."
+    )
+    output: Path = Field(description="Folder for the weights and their card.")
     half: bool = Field(True, description="Store the weights in half precision.")
     name: str = Field("", description="Name of the weights; by default that of the output folder.")
     measured: Path | None = Field(

@@ -22,7 +22,7 @@ from stages.shared.statistics.feel_tables import LEGEND, feel_markdown
 from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.tables import baseline_of, cells, overview, scopes_of
 from stages.shared.statistics.tasks import TASK_NAMES
-from stages.shared.weights.facts import VERDICT_WORDS, verdicts
+from stages.shared.weights.facts import VERDICT_WORDS, kept_validation, verdicts
 from stages.shared.weights.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
 from stages.shared.weights.task_weights import is_of_task
 from stages.weights.pack.config import Config
@@ -44,7 +44,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_folder(config)
     progress.start("packing", 2)
     ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.run)))
-    autoencoder, synthesiser = _read(ae), _read(lms)
+    autoencoder, synthesiser = _read(ae, config.licence), _read(lms, config.licence)
     if synthesiser.config.get("encoder_digest") != ae.manifest.digest:
         raise InputError(
             f"The synthesiser in {config.run} was trained on another autoencoder than the one beside it.",
@@ -77,14 +77,14 @@ def pack_task(config: Config, progress: Progress) -> StageReport:
     check_artefact(config, "checkpoint")
     progress.start("packing", 1)
     source = open_artefact(config.run, "checkpoint")
-    kept = _read(source)
-    if config.licence:
-        lines = "\n".join(f"  - {licence}" for licence in config.licence)
-        kept = replace(kept, card=kept.card.replace(f"  - {UNKNOWN}", lines))
-    measured = min(
-        (row for row in kept.log if row.get("split") == "val"), key=lambda row: row.get("mpjpe_mm", 0.0), default=None
-    )
-    packed = _pack(config, "", replace(kept, log=[measured] if measured is not None else []), source, logged=None)
+    kept = _read(source, config.licence)
+    if "task" not in kept.config:
+        raise InputError(
+            f"{config.run} holds no network that was fine-tuned for a task.",
+            "Give the folder that holds both ae and lms.",
+        )
+    measured = kept_validation(kept.log)
+    packed = _pack(config, "", replace(kept, log=[measured] if measured else []), source, logged=None)
     progress.advance()
     size = sum(path.stat().st_size for path in packed.folder.iterdir())
     return StageReport(
@@ -94,9 +94,13 @@ def pack_task(config: Config, progress: Progress) -> StageReport:
     )
 
 
-def _read(source: Artefact) -> Checkpoint:
-    """A checkpoint whose card gives only the names of the training's folders, without their paths."""
+def _read(source: Artefact, known: Sequence[str]) -> Checkpoint:
+    """A checkpoint whose card gives only the names of the training's folders, without their paths, and the known
+    licences in place of one that was unknown."""
     found = read_checkpoint(source, optimiser=False)
+    if known:
+        lines = "\n".join(f"  - {licence}" for licence in known)
+        found = replace(found, card=found.card.replace(f"  - {UNKNOWN}", lines))
     for place, name in sorted(_places(source.manifest.config), key=lambda each: -len(each[0])):
         found = replace(found, card=found.card.replace(place, name))
     return found
@@ -126,8 +130,10 @@ def _pack(
 
 def _licences(source: Artefact, known: Sequence[str]) -> list[str]:
     """The licences of the sources; with `known`, those in place of the one that was unknown."""
-    stated = {each for each in source.manifest.licences if each != UNKNOWN or not known}
-    return sorted({*stated, *(known if UNKNOWN in source.manifest.licences else ())})
+    stated = set(source.manifest.licences)
+    if known and UNKNOWN in stated:
+        stated = (stated - {UNKNOWN}) | set(known)
+    return sorted(stated)
 
 
 def _places(settings: Any) -> Iterator[tuple[str, str]]:

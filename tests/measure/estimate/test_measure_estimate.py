@@ -18,7 +18,7 @@ from stages.measure.estimate.summary import METRICS, REST
 from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
 from stages.shared.networks.lifters.lifters import CAMERA_FEATURES, LIFTERS, SIZES, lifter
-from stages.shared.statistics.category_tables import category_of
+from stages.shared.statistics.category_tables import word_or_category
 from stages.train.finetune.config import Config as TrainConfig
 from stages.train.finetune.run import run as finetune
 from tests.docs.pages import ROOT
@@ -125,5 +125,5 @@ def test_categories_come_from_file_names(source: str, category: str):
 
     row = Row()
     row.source = source  # pyright: ignore[reportAttributeAccessIssue]
-    assert category_of(row, []) == category  # pyright: ignore[reportArgumentType]
-    assert category_of(row, [("W", "*walk*")]) == ("W" if "walk" in source else None)  # pyright: ignore[reportArgumentType]
+    assert word_or_category(row, {}) == category  # pyright: ignore[reportArgumentType]
+    assert word_or_category(row, {"W": "*walk*"}) == ("W" if "walk" in source else None)  # pyright: ignore[reportArgumentType]

@@ -27,7 +27,7 @@ from stages.shared.pointcloud.bones import body_joints
 from stages.shared.statistics.baselines import Poses, damped, slerp
 from stages.train.baseline.config import Config as TrainConfig
 from stages.train.baseline.run import run as train
-from tests.evaluate.test_evaluate_stage import skeleton, swaying
+from tests.evaluate.swaying import skeleton, swaying
 
 TASKS = {"tasks": ("interpolation",), "intervals": (15, 30), "window": 61}
 
@@ -91,6 +91,18 @@ def test_other_windows_and_methods_that_come_twice_are_refused(folder: Path, tmp
         run(Config(metrics=(folder / "plain", tmp_path / "other"), output=tmp_path / "joined"))
     with pytest.raises(UsageError, match="No evaluation measured 'mine'"):
         run(Config(metrics=(folder / "plain",), output=tmp_path / "joined", ours=("mine",)))
+
+
+def test_the_curve_takes_one_method_several_times_on_the_same_windows(folder: Path, tmp_path: Path):
+    measured = folder / "measured"
+    run(Config(metrics=(folder / "plain", measured), curve=(measured, measured), output=tmp_path / "curve"))
+    _, page = read_metrics(tmp_path / "curve")
+    curve = page[page.index("minutes of training") :].splitlines()
+    assert sum("|" in line and "0." in line for line in curve) >= 3
+    other = TASKS | {"intervals": (15,)}
+    evaluate(EvaluateConfig(motion=folder / "motions", output=tmp_path / "other", **other))
+    with pytest.raises(InputError, match="other windows"):
+        run(Config(metrics=(folder / "plain",), curve=(tmp_path / "other",), output=tmp_path / "joined"))
 
 
 def test_categories_take_the_place_of_archives(folder: Path, tmp_path: Path):

@@ -45,11 +45,10 @@ def posed_list(title: str, rng: np.random.Generator, frames: int) -> np.ndarray:
     joints = LISTS[title]()
     names = [name for name, *_ in joints]
     length = {"knee": 0.42, "foot": 0.4, "ankle": 0.4, "elbow": 0.3, "wrist": 0.25, "hip": 0.1, "shoulder": 0.17}
-    heads = {names[i]: None for i in range(len(names))}
     out = np.zeros((frames, len(names), 3))
     for frame in range(frames):
         turned: dict[str, Rotation] = {}
-        heads = {}
+        heads: dict[str, np.ndarray] = {}
         waiting = [joint for joint in joints if not joint[1]]
         while waiting:
             name, parent, direction = waiting.pop()

@@ -13,6 +13,7 @@ from data_schemas.errors import InputError
 from stages.shared.formats.keypoint_files import detections_in, holds_keypoints, looks_like_keypoints, read_keypoints
 from stages.shared.formats.keypoint_layouts import LAYOUTS, landmark_columns, landmark_mask, landmark_tracks
 from stages.shared.formats.keypoints import MOST_PEOPLE, Detection, Detections, people_of, person_of
+from stages.shared.formats.layout_names import KEYPOINT_LAYOUTS
 from stages.shared.humanoid.landmarks import LANDMARKS
 from tests.shared.formats.hostile import WORDS, mutated
 from tests.shared.formats.keypoint_files_made import (
@@ -162,7 +163,7 @@ BAD = {
         deeplabcut({"": person("coco17")}, tuple(f"whisker{at}" for at in range(17))), {}, "not those of a human",
     ),
     "frames far apart": (
-        json.dumps([{"image_id": t * 10**6, "keypoints": [1.0] * 51} for t in range(3)]).encode(), {},
+        json.dumps([{"image_id": t * 10**6, "keypoints": list(range(1, 52))} for t in range(3)]).encode(), {},
         "nearly all are missing",
     ),
     "numbers that are none": (b'[{"image_id": 1, "keypoints": ["a", "b", "c"]}]', {}, "not numbers"),
@@ -207,3 +208,7 @@ def test_a_crowd_takes_linear_time():
 def test_shares_need_the_size_only():
     found = _of(mediapipe(person("mediapipe33")), size=(2 * SIZE[0], SIZE[1]))
     np.testing.assert_allclose(found.places, person("mediapipe33")[..., :2] * [2, 1], atol=1e-6)
+
+
+def test_the_names_of_layouts_in_settings_are_the_layouts():
+    assert tuple(LAYOUTS) == KEYPOINT_LAYOUTS

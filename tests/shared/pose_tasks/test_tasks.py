@@ -17,7 +17,7 @@ from stages.shared.pose_tasks.body_pose import (
     pose_of_outputs,
     rotations_of_columns,
 )
-from stages.shared.pose_tasks.pose_network import COMPARED_SIZES, PoseNetwork
+from stages.shared.pose_tasks.pose_network import SIZES, PoseNetwork
 from stages.shared.pose_tasks.registry import task_named
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from tests.shared.inference.examples import humanoid, swinging
@@ -120,7 +120,7 @@ def test_repair_starts_nearer_to_the_truth_than_denoise():
 def test_an_untrained_network_returns_the_base(kind: str):
     task, valid = task_named("denoise", RIG), torch.ones(3, 40, dtype=torch.bool)
     batch = task.draw(windows(), valid, generators(range(3)))
-    settings = PUMPS if kind == "pumps" else {**COMPARED_SIZES[kind], "width": 24, "heads": 2, "layers": 3}
+    settings = PUMPS if kind == "pumps" else {**SIZES[kind], "width": 24, "heads": 2, "layers": 3}
     network = PoseNetwork(kind, task.features, outputs_of(RIG.body), settings)
     network.normalise_by(batch.features, batch.given)
     made = network(batch.features, batch.given, batch.base, torch.arange(40.0).unsqueeze(0), valid)

@@ -118,7 +118,7 @@ def test_denoise_and_measure_use_it(folder: Path):
     assert report.figures["frames"] == 152 and (folder / "out.bvh").exists()
     with pytest.raises(InputError, match="not estimate"):
         load_pose_model(folder / "net", "estimate")
-    settings = {"motion": folder / "motion", "window": 64, "device": "cpu", "overwrite": True}
+    settings = {"tpc": folder / "tpc", "window": 64, "device": "cpu", "overwrite": True}
     measured = measure(MeasureConfig(**settings, weights=(f"net={folder / 'net'}",), output=folder / "measured"))
     assert measured.figures["methods"][-1] == "net" and measured.figures["windows"] == 2
 

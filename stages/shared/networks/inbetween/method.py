@@ -68,12 +68,13 @@ class Method(nn.Module, ABC):
     Args:
         space: the skeleton's pose space.
         sizes: of the network; every number of it is at least 1.
+
+    `descends`: whether the method is a prior that gradient descent lowers, starting from the base; it then also
+    denoises.
     """
 
     PAPER: ClassVar[Paper]
-    descends: ClassVar[bool] = (
-        False  # whether it is a prior that is descended from the base, so that it also denoises
-    )
+    descends: ClassVar[bool] = False
 
     def __init__(self, space: PoseSpace, sizes: MethodSizes):
         super().__init__()

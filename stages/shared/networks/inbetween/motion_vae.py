@@ -2,8 +2,9 @@
 
 A conditional VAE learns the step from one pose to the next: an encoder reads both poses, a decoder makes the step
 from the pose before and the code, and a network gives the codes' prior from the pose before. The negative evidence
-bound of a motion's steps says how unusual the motion is. A motion is cleaned, or a gap is filled, by descending that
-bound from the noisy motion, or from the plain interpolation, held near it by a robust distance.
+bound of a motion's steps says how unusual the motion is. To clean a motion or fill a gap, gradient descent lowers
+this bound, starting from the noisy motion or from the plain interpolation; a robust distance keeps the result near
+the start.
 
 HuMoR optimises the first pose and all codes through one long rollout. Here the poses of all frames are optimised at
 once and the codes are the encoder's, so that the frames are computed side by side. Contacts and the floor are left

@@ -13,7 +13,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from stages.shared.kinematics.rotations import continuous_signs, from_turn_vectors, multiply
+from stages.shared.kinematics.rotations import continuous_signs, from_turn_vectors, multiply, shorter_way
 from stages.shared.networks.inbetween.method import Gaps, Method, Paper
 from stages.shared.networks.inbetween.pose_space import PoseSpace
 from stages.shared.networks.layers.sizes import MethodSizes
@@ -52,7 +52,7 @@ class PoseNdf(Method):
 
     def distance(self, local: Tensor) -> Tensor:
         """(N,) the learned distance of poses, local rotations (N, J, 4)."""
-        local = torch.where(local[..., 3:] < 0, -local, local)
+        local = shorter_way(local)
         codes: list[Tensor] = [local.new_zeros(len(local), self.sizes.heads)]
         for bone, encoder in enumerate(self.encoders, start=1):
             above = codes[int(self.space.parents[bone])]

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from stages.shared.networks.layers.attention import ExactNorm, TimeLayer, clear_linear
 
-CAMERA_FEATURES = 4  # after the points' x, y and confidence
+CAMERA_FEATURES = 4  # after the points: the window's middle as a ray (2), log of its size in rays, 1 if known
 SIZES: dict[str, dict[str, int]] = {
     "poseformer": {"width": 192, "point_width": 32, "space_layers": 2, "time_layers": 4, "heads": 4},
     "mixste": {"width": 64, "layers": 4, "heads": 4},
