@@ -45,6 +45,17 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("train", "body-parts"),
+        "Train autoencoders of body parts, each by itself: whole, upper and lower, three or five parts.",
+        ("motion",), "checkpoint",
+        "pumps train body-parts --parts 5 --network ae --motion runs/mine/ingest -o runs/mine/parts-5",
+        pipeline=False,
+        without=(
+            "points", "sigma_min_m", "sigma_max_m", "augment", "proportions", "balance", "cache_mb", "warmup",
+            "cooldown", "mixed_precision", "activation_checkpointing",
+        ),
+    ),
+    Stage(
         ("weights", "average"),
         "Average several trainings that started from the same weights.",
         ("checkpoint",), "checkpoint",
