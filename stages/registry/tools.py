@@ -112,6 +112,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "body-parts"),
+        "Measure autoencoders of body parts: on seen and unseen data, with noise, and which part harms which.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure body-parts --motion mine=runs/mine/ingest --weights 5=runs/mine/parts-5 -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",
