@@ -18,6 +18,7 @@ RECIPE_OF = {
     "table4": "table4",
     "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
+    "body-parts-table1": "body-parts", "body-parts-table2": "body-parts", "body-parts-table3": "body-parts",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small",
 }  # fmt: skip

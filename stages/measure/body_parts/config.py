@@ -23,13 +23,15 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     unseen_splits: tuple[str, ...] = Field(
         ("train", "val", "test"), description="Splits of --unseen to measure; all are unseen."
     )
-    where: str = Field("*", description="Pattern of the sources of --motion to measure, such as *cmu*.")
     max_windows: int = Field(200, description="Windows per data set, spread evenly over its clips; 0 for all.", ge=0)
+    clip_seconds: float = Field(20.0, description="Seconds of each clip, from its start; 0 for all.", ge=0)
     seeds: int = Field(7, description="Seeds of the noise and of drawn latents.", ge=1)
     noise_deg: float = Field(
         5.0, description="Input noise: standard deviation of a random turn about each axis, degrees.", ge=0
     )
-    zeroed: float = Field(0.1, description="Latent noise: share of the latent's numbers that are set to zero.", ge=0, le=1)
+    zeroed: float = Field(
+        0.1, description="Latent noise: share of the latent's numbers that are set to zero.", ge=0, le=1
+    )
     tampered: float = Field(
         1.0,
         description="Locality: noise added to one part's latent, in its standard deviations; 0 leaves this out.",

@@ -9,6 +9,7 @@ import numpy as np
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.markup import Markup, joined, markup
 
+_TITLE = "Row: part tampered with. Column: how far each body group moves, cm."
 _CELL, _LABEL, _HEAD, _GAP, _COLUMNS = 54, 78, 92, 26, 4
 
 
@@ -24,7 +25,7 @@ def locality_picture(harms: Mapping[str, np.ndarray], pieces: Mapping[str, tuple
             'font-family="sans-serif" font-size="11">', *page,
         ),
         markup('<rect width="100%" height="100%" fill="#ffffff"/>'),
-        markup('<text x="8" y="20" font-size="13">{}</text>', "Row: part tampered with. Column: how far each body group moves, cm."),
+        markup('<text x="8" y="20" font-size="13">{}</text>', _TITLE),
     ]  # fmt: skip
     for index, (name, values) in enumerate(harms.items()):
         left, top = index % _COLUMNS * width, 40 + index // _COLUMNS * height
@@ -37,7 +38,9 @@ def locality_picture(harms: Mapping[str, np.ndarray], pieces: Mapping[str, tuple
             y = top + _HEAD + row * _CELL
             words = piece.replace("_", " ")
             parts.append(
-                markup('<text x="{}" y="{}" text-anchor="end">{}</text>', left + _LABEL - 6, y + _CELL // 2 + 4, words)
+                markup(
+                    '<text x="{}" y="{}" text-anchor="end">{}</text>', left + _LABEL - 6, y + _CELL // 2 + 4, words
+                )
             )
             for column, value in enumerate(line):
                 parts += _cell(left + _LABEL + column * _CELL, y, float(value), most)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatch
 
 import numpy as np
 import torch
@@ -76,9 +75,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         with MotionReader(folder) as reader:
             inputs.append(reader.artefact)
             splits = config.splits if seen else config.unseen_splits
-            wanted = [r for r in reader.clips if r.split in splits and (not seen or fnmatch(r.source, config.where))]
+            wanted = [row for row in reader.clips if row.split in splits]
             progress.start(f"reading {label}")
-            clips, told = clips_on_rig(reader, wanted, first.body, first.rate_hz, first.window)
+            clips, told = clips_on_rig(reader, wanted, first.body, first.rate_hz, first.window, config.clip_seconds)
             notes += [f"{label}: {sentence}" for sentence in told]
         windows = _windows(clips, first.window, config.max_windows)
         progress.start(f"measuring {label}", len(windows) * len(bodies))
@@ -145,7 +144,9 @@ def _different(inputs: Sequence[Artefact]) -> list[Artefact]:
 
 def _windows(clips: Sequence[RotationClip], window: int, most: int) -> list[_Clip]:
     """Windows that do not overlap; of too many, evenly spread ones over all clips."""
-    places = [(index, start) for index, clip in enumerate(clips) for start in range(0, len(clip.local) - window + 1, window)]
+    places = [
+        (index, start) for index, clip in enumerate(clips) for start in range(0, len(clip.local) - window + 1, window)
+    ]
     if most and len(places) > most:
         places = [places[int(i)] for i in np.unique(np.linspace(0, len(places) - 1, most).round().astype(int))]
     found: dict[int, list[np.ndarray]] = {}
@@ -167,7 +168,7 @@ def _rows_of_clip(config: Config, label: str, name: str, body: PartBody, clip: _
             generator = _generator(config.seed, clip.name, seed)
             given = with_input_noise(clip.local, config.noise_deg, generator) if INPUT in noises else clip.local
             columns = columns_of_matrices(matrices(given)).to(body.device)
-            latents = body.encode(columns, generator if drawn and body.device.type == "cpu" else None)
+            latents = body.encode(columns, _on(body.device, generator) if drawn else None)
             if LATENT in noises:
                 latents = with_zeros(latents, config.zeroed, generator)
             errors = joint_errors(body.decode(latents).cpu(), truth, body.body.offsets, body.body.parents)
@@ -203,6 +204,12 @@ def _tampered(config: Config, label: str, name: str, body: PartBody, clips: Sequ
                     )
                 )  # fmt: skip
     return rows
+
+
+def _on(device: torch.device, generator: torch.Generator) -> torch.Generator:
+    """A generator on the device, seeded by the next draw of another."""
+    seed = int(torch.randint(2**62, (), generator=generator))
+    return torch.Generator(device).manual_seed(seed)
 
 
 def _generator(seed: int, name: str, number: int) -> torch.Generator:

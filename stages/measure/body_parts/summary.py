@@ -184,8 +184,9 @@ def _locality(rows: Sequence[MetricRow], measured: Measured) -> Iterator[str]:
         return
     yield "\n## Locality\n"
     yield (
-        "Noise is added to the latent of one part, or to a fifth of the latent of the whole body, and each body group's "
-        "change is measured: its joints' distance in cm, and in brackets its angles to the parents' joints in degrees.\n"
+        "Noise is added to the latent of one part, or to a fifth of the latent of the whole body, and each body "
+        "group's change is measured: its joints' distance in cm, and in brackets its angles to the parents' joints "
+        "in degrees.\n"
     )
     for name, (column, _, _) in measured.bodies.items():
         pieces = measured.pieces[name]

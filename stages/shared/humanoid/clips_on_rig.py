@@ -86,12 +86,18 @@ def rig_of_clips(reader: MotionReader, rows: Sequence[ClipRow]) -> tuple[Skeleto
 
 
 def clips_on_rig(
-    reader: MotionReader, rows: Sequence[ClipRow], body: RigBodyJoints, rate_hz: float, least: int
+    reader: MotionReader,
+    rows: Sequence[ClipRow],
+    body: RigBodyJoints,
+    rate_hz: float,
+    least: int,
+    longest_s: float = 0.0,
 ) -> tuple[list[RotationClip], list[str]]:
     """The clips on the rig at a rate, and what was left out or changed, one sentence each.
 
     Args:
         least: frames, at the rate, of the shortest clip that is of use.
+        longest_s: seconds of each clip, from its start; 0 for all.
     Raises: InputError if no clip is of use.
     """
     found: list[RotationClip] = []
@@ -100,7 +106,8 @@ def clips_on_rig(
         if resampled_frames(row.frames, row.fps, rate_hz) < least:
             left["shorter than a window"] += 1
             continue
-        motion = reader.motion(row.clip)
+        frames = min(row.frames, max(2, round(longest_s * row.fps))) if longest_s else row.frames
+        motion = reader.motion(row.clip, 0, frames)
         whole = row.fps / rate_hz
         interpolated = abs(whole - round(whole)) > 1e-3 or whole < 1
         source = reader.skeleton(row.skeleton)
@@ -157,8 +164,8 @@ def _sentences(found: Sequence[RotationClip], left: Counter[str], rate_hz: float
     rates = sorted({clip.row.fps for clip in found if clip.interpolated})
     if rates:
         out.append(
-            f"{sum(clip.interpolated for clip in found)} of {len(found)} clips were interpolated to {rate_hz:g} frames a "
-            f"second, from {', '.join(f'{rate:g}' for rate in rates)}."
+            f"{sum(clip.interpolated for clip in found)} of {len(found)} clips were interpolated to {rate_hz:g} "
+            f"frames a second, from {', '.join(f'{rate:g}' for rate in rates)}."
         )
     return out
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -165,9 +164,7 @@ def _refuse_doubles(found: Sequence[PartModel], source: str) -> None:
             seen[joint] = each.part.name
 
 
-def _loaded(
-    folder: str, device: torch.device
-) -> tuple[list[PartModel], RigBodyJoints, int, float, Artefact]:
+def _loaded(folder: str, device: torch.device) -> tuple[list[PartModel], RigBodyJoints, int, float, Artefact]:
     artefact = open_artefact(folder, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
     config = kept.config

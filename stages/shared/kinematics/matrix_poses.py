@@ -1,4 +1,4 @@
-"""Poses as rotation matrices, for losses that are differentiated: two columns of a matrix, forward kinematics, angles.
+"""Poses as rotation matrices, for losses that are differentiated: columns, forward kinematics, angles.
 
 Plain functions on torch tensors with any leading dimensions. `forward.py` does the same with quaternions; matrices
 need fewer operations a joint, which halves a training step on a CPU.

@@ -1,4 +1,4 @@
-"""Layers in the manner of siMLPe (Guo et al. 2023): linear layers over joints or over time, layer norms, no activation.
+"""Layers in the manner of siMLPe (Guo et al. 2023): linear over joints or over time, layer norms, no activation.
 
 A window is (B, T, C): T frames, C features of a frame.
 """

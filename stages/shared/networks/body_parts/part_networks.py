@@ -13,7 +13,13 @@ import torch
 from torch import Tensor, nn
 
 from stages.shared.networks.body_parts import hyperspheres, phases
-from stages.shared.networks.body_parts.mlp_layers import Expansion, OverTime, Reduction, Trunk, cosine_transform, factors
+from stages.shared.networks.body_parts.mlp_layers import (
+    Expansion,
+    Reduction,
+    Trunk,
+    cosine_transform,
+    factors,
+)
 
 COLUMNS = 6
 _LEAST_VARIANCE, _MOST_VARIANCE = -10.0, 6.0  # logarithms
