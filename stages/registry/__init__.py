@@ -15,10 +15,11 @@ PANELS = {
     "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
     "Data": ("data", "ingest", "artefact"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
-    "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
+    "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),
 }
 
 GROUP_SUMMARIES = {
+    "body-parts": "Put bodies together from trained parts.",
     "data": "List and download public data sets; pick clips, or put them on other rigs.",
     "ingest": "Read recordings into a motion artefact.",
     "measure": "Measure one part: autoencoders, latents, the solver, motions.",

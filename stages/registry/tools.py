@@ -150,6 +150,20 @@ STAGES: tuple[Stage, ...] = (
         arguments=("name",), pipeline=False,
     ),
     Stage(
+        ("body-parts", "compose"),
+        "Put a body together from trained parts, some of them more than once: a body with four arms.",
+        ("TOML", "checkpoint", "any format"), "BVH, GLB, npz, CSV, Parquet",
+        "pumps body-parts compose four_arms.toml -o four_arms.bvh",
+        arguments=("recipe",), pipeline=False,
+    ),
+    Stage(
+        ("stream",),
+        "Measure motion that is streamed in packets, some of them lost: parts' latents beside quantised rotations.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps stream --motion runs/mine/ingest --weights 5=runs/mine/parts-5 -o runs/mine/streamed",
+        pipeline=False,
+    ),
+    Stage(
         ("export",),
         "Write motions as BVH, GLB with an animated skin, AMASS-like npz, CSV or Parquet.",
         ("any format", "motion"), "BVH, GLB, npz, CSV, Parquet", "pumps export walk.bvh -o walk.glb",

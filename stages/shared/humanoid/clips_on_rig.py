@@ -111,17 +111,11 @@ def clips_on_rig(
         whole = row.fps / rate_hz
         interpolated = abs(whole - round(whole)) > 1e-3 or whole < 1
         source = reader.skeleton(row.skeleton)
-        corresponds = is_corresponding(source, body.skeleton)
-        if not corresponds:
-            made = _retargeted(source, motion, body.skeleton)
-            if made is None:
-                left["impossible to retarget"] += 1
-                continue
-            motion = made
-        motion = resample(motion, rate_hz)
-        joints = np.flatnonzero(np.asarray(source.groups) >= 0) if corresponds else body.joints
-        local = continuous_signs(local_rotations(motion.rotations[:, joints], body.parents)).astype(np.float32)
-        found.append(RotationClip(row, local, not corresponds, interpolated))
+        made = motion_on_rig(source, motion, body, rate_hz)
+        if made is None:
+            left["impossible to retarget"] += 1
+            continue
+        found.append(RotationClip(row, made[0], not is_corresponding(source, body.skeleton), interpolated))
     if not found:
         why = ", ".join(f"{count} {reason}" for reason, count in left.items())
         raise InputError(
@@ -129,6 +123,22 @@ def clips_on_rig(
             f"A window has {least} frames, {least / rate_hz:.2f} seconds; take a shorter one, or longer clips.",
         )
     return found, _sentences(found, left, rate_hz)
+
+
+def motion_on_rig(
+    source: Skeleton, motion: Motion, body: RigBodyJoints, rate_hz: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """A motion on the rig at a rate: local rotations (T, B, 4) float32 and places of the pelvis (T, 3) metres, in the
+    size of the body that it moves; None if it cannot be retargeted."""
+    skeleton, joints = source, np.flatnonzero(np.asarray(source.groups) >= 0)
+    if not is_corresponding(source, body.skeleton):
+        made = _retargeted(source, motion, body.skeleton)
+        if made is None:
+            return None
+        skeleton, motion, joints = body.skeleton, made, body.joints
+    motion = resample(motion, rate_hz)
+    local = continuous_signs(local_rotations(motion.rotations[:, joints], body.parents)).astype(np.float32)
+    return local, positions_of(skeleton, motion)[:, joints[0]]
 
 
 def is_corresponding(one: Skeleton, other: Skeleton) -> bool:

@@ -7,7 +7,7 @@ hold a connector, the spine's rotation of it is kept (de Clermont Gallerande et 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from data_schemas.trainings import last_sentence
 from stages.shared.humanoid.body_parts import DECOMPOSITIONS, SPINE, BodyPart, body_part
 from stages.shared.humanoid.clips_on_rig import RigBodyJoints, body_joints_of, is_corresponding
 from stages.shared.inference.bounded_network import MOST_WINDOW, build_bounded, whole_setting
-from stages.shared.inference.models import load_state
+from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.networks.body_parts.part_networks import NETWORKS, PartNetwork
 from stages.shared.networks.layers.device import choose_device
 
@@ -84,6 +84,26 @@ class PartBody:
         """Columns (N, T, B, 6) of the parts' latents. Joints of no part are not turned against their parents."""
         with torch.inference_mode():
             return self.joined([m.network.decode(z) for m, z in zip(self.parts, latents, strict=True)])
+
+    def over_clip(self, columns: Tensor, altered: Callable[[list[Tensor]], list[Tensor]] | None = None) -> Tensor:
+        """A clip's columns (T, B, 6) encoded and decoded in half-overlapping windows, which are blended.
+
+        altered: changes the latents (N, D) of all windows. Raises: InputError if the clip is shorter than a window.
+        """
+        frames = len(columns)
+        if frames < self.window:
+            raise InputError(
+                f"The motion has {frames} frames at {self.rate_hz:g} a second, and a window has {self.window}.",
+                "Take a longer motion, or parts that were trained on shorter windows.",
+            )
+        spans = list(overlapping_windows(frames, self.window))
+        latents = self.encode(torch.stack([columns[start:stop] for start, stop, _ in spans]))
+        made = self.decode(latents if altered is None else altered(latents))
+        out, total = torch.zeros_like(columns), torch.zeros(frames, 1, 1)
+        for (start, stop, fade), window in zip(spans, made, strict=True):
+            out[start:stop] += fade.view(-1, 1, 1) * window
+            total[start:stop] += fade.view(-1, 1, 1)
+        return out / total
 
     def joined(self, made: Sequence[Tensor]) -> Tensor:
         """The parts' columns (N, T, K, 6) as one body's (N, T, B, 6)."""
