@@ -70,8 +70,9 @@ def summary_md(
             "# Streaming\n",
             f"Made by:\n\n```\n{command_line('pumps stream', config)}\n```\n",
             f"Packets are lost in runs of {config.burst:g} in the mean. A part's packet holds its latent of one "
-            f"window, {config.bits} bits a number; a packet of rotations holds one pose, 4 bytes a joint; every packet has "
-            f"{config.header_bytes} bytes more. What is lost is held. Means over clips and {config.seeds} seeds.\n",
+            f"window, {config.bits} bits a number; a packet of rotations holds one pose, 4 bytes a joint; every "
+            f"packet has {config.header_bytes} bytes more. What is lost is held. Means over clips and "
+            f"{config.seeds} seeds.\n",
             *[f"- {note}" for note in notes],
             "\n## MPJPE in cm at 1.80 m (MPJAE in degrees) by the share of packets lost\n",
             *table.markdown(),

@@ -80,11 +80,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             clips, told = clips_on_rig(reader, wanted, first.body, first.rate_hz, first.window, config.clip_seconds)
             notes += [f"{label}: {sentence}" for sentence in told]
         windows = _windows(clips, first.window, config.max_windows)
-        progress.start(f"measuring {label}", len(windows) * len(bodies))
+        progress.start(f"measuring {label}", len(SCENARIOS) * len(bodies))
         for name, body in bodies.items():
-            for clip in windows:
-                rows += _rows_of_clip(config, label, name, body, clip)
-                progress.advance(1, name)
+            rows += _rows_of_set(config, label, name, body, windows, progress)
             if seen and config.tampered:
                 harmed = _tampered(config, label, name, body, windows)
                 rows += harmed
@@ -158,25 +156,32 @@ def _windows(clips: Sequence[RotationClip], window: int, most: int) -> list[_Cli
     ]
 
 
-def _rows_of_clip(config: Config, label: str, name: str, body: PartBody, clip: _Clip) -> Iterator[MetricRow]:
-    """For each scenario and metric: the mean over the seeds, and the deviation over them."""
+def _rows_of_set(
+    config: Config, label: str, name: str, body: PartBody, clips: Sequence[_Clip], progress: Progress
+) -> Iterator[MetricRow]:
+    """For each clip, scenario and metric: the mean over the seeds, and the deviation over them."""
     drawn = any(each.kind in ("vae", "svae") for each in body.parts)
-    truth = columns_of_matrices(matrices(clip.local))
+    local = torch.cat([clip.local for clip in clips])
+    truth = columns_of_matrices(matrices(local))
+    bounds = np.cumsum([0, *(len(clip.local) for clip in clips)])
     for scenario, noises in SCENARIOS.items():
         values = []
         for seed in range(config.seeds if noises or drawn else 1):
-            generator = _generator(config.seed, clip.name, seed)
-            given = with_input_noise(clip.local, config.noise_deg, generator) if INPUT in noises else clip.local
+            generator = _generator(config.seed, label, seed)
+            given = with_input_noise(local, config.noise_deg, generator) if INPUT in noises else local
             columns = columns_of_matrices(matrices(given)).to(body.device)
             latents = body.encode(columns, _on(body.device, generator) if drawn else None)
             if LATENT in noises:
                 latents = with_zeros(latents, config.zeroed, generator)
             errors = joint_errors(body.decode(latents).cpu(), truth, body.body.offsets, body.body.parents)
-            values.append((errors.distance_cm.mean(), errors.global_deg.mean()))
-        for metric, column in zip(METRICS, np.array(values).T, strict=True):
-            common = (clip.name, clip.skeleton, label, name, scenario, body.window)
-            yield MetricRow(*common, metric, float(column.mean()), windows=len(clip.local))
-            yield MetricRow(*common, f"{metric}_over_seeds", float(column.std()), windows=len(clip.local))
+            values.append([each.mean((1, 2)) for each in (errors.distance_cm, errors.global_deg)])
+        progress.advance(1, f"{name}, {scenario}")
+        for metric, windows in zip(METRICS, np.array(values).swapaxes(0, 1), strict=True):  # (seeds, windows)
+            for clip, start, stop in zip(clips, bounds[:-1], bounds[1:], strict=True):
+                common = (clip.name, clip.skeleton, label, name, scenario, body.window)
+                own = windows[:, start:stop].mean(1)
+                yield MetricRow(*common, metric, float(own.mean()), windows=len(clip.local))
+                yield MetricRow(*common, f"{metric}_over_seeds", float(own.std()), windows=len(clip.local))
 
 
 def _tampered(config: Config, label: str, name: str, body: PartBody, clips: Sequence[_Clip]) -> list[MetricRow]:

@@ -12,10 +12,12 @@ class LossWeights(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    mse: float = Field(1.0, description="Weight of the squared error of the rotations' columns.", ge=0)
-    mpjae: float = Field(1.0, description="Weight of the angles between global rotations.", ge=0)
-    mpjlae: float = Field(0.1, description="Weight of the angles between rotations in the parents' frames.", ge=0)
-    av: float = Field(0.001, description="Weight of the change of these angles over time.", ge=0)
-    aa: float = Field(0.01, description="Weight of the change of that change.", ge=0)
-    mpjpe: float = Field(0.1, description="Weight of the distance of the joints, in metres.", ge=0)
-    jerk: float = Field(0.001, description="Weight of the distance of the joints' third differences.", ge=0)
+    mse: float = Field(default=1.0, description="Weight of the squared error of the rotations' columns.", ge=0)
+    mpjae: float = Field(default=1.0, description="Weight of the angles between global rotations.", ge=0)
+    mpjlae: float = Field(
+        default=0.1, description="Weight of the angles between rotations in the parents' frames.", ge=0
+    )
+    av: float = Field(default=0.001, description="Weight of the change of these angles over time.", ge=0)
+    aa: float = Field(default=0.01, description="Weight of the change of that change.", ge=0)
+    mpjpe: float = Field(default=0.1, description="Weight of the distance of the joints, in metres.", ge=0)
+    jerk: float = Field(default=0.001, description="Weight of the distance of the joints' third differences.", ge=0)
