@@ -21,7 +21,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from data_schemas.errors import InputError
-from stages.shared.humanoid.body_parts import PART_NAMES
+from stages.shared.humanoid.decompositions import PART_NAMES
 from stages.shared.toml import read_toml
 
 

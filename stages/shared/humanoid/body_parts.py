@@ -6,27 +6,15 @@ which is the root of the part's own tree and which the spine's part holds too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import BODY_GROUPS
+from stages.shared.humanoid.decompositions import DECOMPOSITIONS, PART_NAMES
 
 SPINE = BODY_GROUPS.index("spine")
-
-# Number of parts -> name of each part -> its body groups. The part with the spine comes first.
-DECOMPOSITIONS: Mapping[int, Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {
-        1: {"whole": BODY_GROUPS},
-        2: {"upper": ("spine", "left_arm", "right_arm"), "lower": ("left_leg", "right_leg")},
-        3: {"spine": ("spine",), "arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")},
-        5: {name: (name,) for name in BODY_GROUPS},
-    }
-)
-PART_NAMES = tuple(dict.fromkeys(name for parts in DECOMPOSITIONS.values() for name in parts))
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.skeleton_text import skeleton_of_plain
 from data_schemas.trainings import last_sentence
-from stages.shared.humanoid.body_parts import DECOMPOSITIONS, SPINE, BodyPart, body_part
+from stages.shared.humanoid.body_parts import SPINE, BodyPart, body_part
 from stages.shared.humanoid.clips_on_rig import RigBodyJoints, body_joints_of, is_corresponding
+from stages.shared.humanoid.decompositions import DECOMPOSITIONS
 from stages.shared.inference.bounded_network import MOST_WINDOW, build_bounded, whole_setting
 from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.networks.body_parts.part_networks import NETWORKS, PartNetwork

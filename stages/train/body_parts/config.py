@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from stages.shared.contract import OFTEN, OFTEN_SET, VALUES
-from stages.shared.humanoid.body_parts import DECOMPOSITIONS
+from stages.shared.humanoid.decompositions import DECOMPOSITIONS
 from stages.shared.networks.body_parts.sizes import KINDS, LossWeights
 from stages.shared.training.config import TrainingConfig
 

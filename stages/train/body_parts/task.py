@@ -13,8 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from stages.shared.humanoid.body_parts import PART_NAMES, BodyPart, body_part
+from stages.shared.humanoid.body_parts import BodyPart, body_part
 from stages.shared.humanoid.clips_on_rig import RigBodyJoints, RotationClip
+from stages.shared.humanoid.decompositions import PART_NAMES
 from stages.shared.kinematics.matrix_poses import columns_of_matrices
 from stages.shared.kinematics.rotations import matrices
 from stages.shared.networks.body_parts.losses import reconstruction_terms, weighted_sum

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import InputError, UsageError
-from stages.shared.humanoid.body_parts import DECOMPOSITIONS, body_part, groups_of_part
+from data_schemas.skeleton import BODY_GROUPS
+from stages.shared.humanoid.body_parts import body_part, groups_of_part
+from stages.shared.humanoid.decompositions import DECOMPOSITIONS
 
 # CMU's body of 31 joints: pelvis, legs of five, spine of six, arms of seven.
 _SPINE, _ARMS = [0, 11, 12, 13, 14, 15], [13, 17, 18, 19, 20, 21, 20, 13, 24, 25, 26, 27, 28, 27]
@@ -65,3 +67,9 @@ def test_a_rig_without_an_arm_is_refused_in_one_sentence():
 def test_an_unknown_part_is_refused_with_the_parts_that_there_are():
     with pytest.raises(UsageError, match=r"no body part 'tail'.*left_leg"):
         groups_of_part("tail")
+
+
+def test_each_decomposition_has_every_body_group_once_in_the_project_s_words():
+    for parts in DECOMPOSITIONS.values():
+        assert sorted(group for groups in parts.values() for group in groups) == sorted(BODY_GROUPS)
+    assert tuple(DECOMPOSITIONS[5]) == BODY_GROUPS

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from stages.shared.humanoid.body_parts import DECOMPOSITIONS, body_part
+from stages.shared.humanoid.body_parts import body_part
+from stages.shared.humanoid.decompositions import DECOMPOSITIONS
 from stages.shared.networks.body_parts.mlp_layers import cosine_transform, factors
 from stages.shared.networks.body_parts.part_networks import NETWORKS, PartNetwork, gaussian_divergence
 from tests.shared.humanoid.test_body_parts import CMU_GROUPS, CMU_PARENTS
