@@ -14,3 +14,4 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
 
     recipe: Path = Field(description="The TOML file that names the parts and their motions.")
     output: Path = Field(description="The file to write; its suffix names the format.")
+    picture: Path | None = Field(None, description="An SVG of a few frames to write too.")

@@ -12,6 +12,7 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.body_parts.compose.config import Config
 from stages.body_parts.compose.limbs import AddedLimb, body_with_limbs
+from stages.body_parts.compose.picture import body_picture
 from stages.body_parts.compose.recipe import Limb, Recipe, read_body_recipe
 from stages.shared.contract import StageReport
 from stages.shared.formats.readers import recordings_in
@@ -33,6 +34,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError for a bad recipe, a motion shorter than a window or of no humanoid, or parts of different rigs.
     """
     check_file(config, SUFFIXES.values())
+    if config.picture is not None:
+        check_file(config, (".svg",), "picture")
     chosen = written_format(config.output)
     recipe = read_body_recipe(config.recipe)
     progress.start("composing", 2 + len(recipe.limbs))
@@ -47,6 +50,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     licences = sorted({each for artefact in body.inputs for each in artefact.manifest.licences})
     data, notes = bytes_of_motion(chosen, skeleton, motion, config.output.stem, licence=", ".join(licences))
     write_output(config.output, data)
+    if config.picture is not None:
+        added = frozenset(name for name in skeleton.names if name not in body.body.skeleton.names)
+        write_output(config.picture, body_picture(skeleton, motion, added).encode())
     progress.advance()
     line = f"{config.output}: {frames} frames at {body.rate_hz:g} a second, {skeleton.joints} joints"
     names = [f"{each.part.name} {each.name}" for each in limbs]

@@ -45,7 +45,9 @@ def test_a_body_with_four_arms_is_written_as_bvh_and_glb(trained: Path, tmp_path
     limbs = _arm(trained, "left", "noise = 0.5") + _arm(trained, "right", f'motion = "{CLIPS / "kick.bvh"}"')
     recipe = _recipe(tmp_path, trained, limbs)
     for name in ("four.bvh", "four.glb"):
-        report = run(Config(recipe=recipe, output=tmp_path / name, device="cpu"))
+        picture = tmp_path / f"{name}.svg"
+        report = run(Config(recipe=recipe, output=tmp_path / name, picture=picture, device="cpu"))
+        assert picture.read_text().count("#17a2c2") == 5 * 4  # five frames of four joints
         assert report.figures["limbs"] == ["left_arm second", "right_arm second"]
     made = read_bvh((tmp_path / "four.bvh").read_bytes(), "four.bvh")
     plain = read_bvh((CLIPS / "walk.bvh").read_bytes(), "walk.bvh")
