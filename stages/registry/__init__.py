@@ -12,7 +12,18 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + tools.STAGES
 
 # What `pumps --help` shows: panel -> words after `pumps`, in the order of reading.
 PANELS = {
-    "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
+    "Animate": (
+        "infill",
+        "retarget",
+        "denoise",
+        "estimate",
+        "segment",
+        "inspect",
+        "export",
+        "report",
+        "formats",
+        "doctor",
+    ),
     "Data": ("data", "ingest", "artefact"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
     "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),

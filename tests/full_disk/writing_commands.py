@@ -148,6 +148,8 @@ WRITINGS = (
         "solved/metrics", "measure solve",
         "--motion {made}/motion --intervals 15 --conditions true --points 32 --made {out}-kept --device cpu -o {out}",
     ),
+    Writing("concepts", "segment", "{made}/motion -o {out}"),
+    Writing("measured-anchors", "measure anchors", "--motion {made}/motion --splits train --lambdas 200 -o {out}"),
     Writing("packed", "weights pack", "{made}/run -o {out}"),
     Writing(
         "calibrated", "weights calibrate",
