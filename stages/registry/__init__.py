@@ -18,6 +18,7 @@ PANELS = {
         "denoise",
         "estimate",
         "segment",
+        "refine",
         "inspect",
         "export",
         "report",

@@ -30,6 +30,20 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        ("refine",),
+        "Find flawed frames of a motion of a known action, and mend them with motion concepts.",
+        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet",
+        "pumps refine made.bvh --action walk --weights runs/mine/train-concepts -o refined.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("train", "concepts"),
+        "Learn motion concepts of actions, and to find and mend flawed frames with them.",
+        ("concepts",), "checkpoint",
+        "pumps train concepts --concepts runs/mine/segment -o runs/mine/train-concepts",
+        pipeline=False,
+    ),
+    Stage(
         ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",

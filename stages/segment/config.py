@@ -7,7 +7,6 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.concepts.actions import AUTO
 from stages.shared.contract import SeededConfig, WritingConfig
 
 
@@ -28,6 +27,13 @@ class Config(WritingConfig, SeededConfig):
         "up to the head's joint. More gives fewer anchors; the paper varies it from 100 to 400.",
         gt=0,
     )
+    degree: int | None = Field(
+        None,
+        description="Degree of the curves that choose the anchors: 3 is the paper's; 1 puts keys where straight lines "
+        "between them are nearest to the motion. Default: 1 with --keyframes, else 3.",
+        ge=1,
+        le=3,
+    )
     longest_s: float = Field(4.0, description="Longest transition, in seconds.", gt=0, le=60)
     fps: float | None = Field(
         None, description="Rate at which motions are segmented and stored, in frames per second; default: their own.",
@@ -37,7 +43,7 @@ class Config(WritingConfig, SeededConfig):
         None, description="The input is a folder of this data set of joint positions, as its public code reads it."
     )
     actions: str = Field(
-        AUTO,
+        "auto",
         description="Regular expression with a group that is the action in a clip's source; auto knows the names of "
         "Bandai Namco, HDM05 and HumanAct12.",
     )

@@ -18,6 +18,7 @@ from stages.segment.inputs import Given, Positions, given
 from stages.shared.concepts.clusters import AnchorConcepts, cluster_actions
 from stages.shared.concepts.segmenting import fit_error_cm, segmented
 from stages.shared.contract import StageReport
+from stages.shared.kinematics.spline_segments import CUBIC
 from stages.shared.outputs import check_artefact, check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
@@ -89,8 +90,11 @@ def _draft(config: Config, motions: Given) -> Iterator:
 
 
 def _segmented(motions: Given, config: Config, progress: Progress) -> Iterator[_Clip]:
+    degree = config.degree or (1 if config.keyframes else CUBIC)
     for clip in motions.clips:
-        found = segmented(clip.positions, clip.scale, clip.row.fps, config.lambda_, config.longest_s, clip.action)
+        found = segmented(
+            clip.positions, clip.scale, clip.row.fps, config.lambda_, config.longest_s, clip.action, degree
+        )
         progress.advance(1, clip.row.clip)
         yield _Clip(clip, found)
 

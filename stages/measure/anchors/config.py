@@ -17,6 +17,9 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         None, json_schema_extra={NAMES_OF: "weights"}, description="Weights that fill too; default: slerp alone."
     )
     lambdas: tuple[float, ...] = Field((100, 200, 300, 400), description="Prices of a transition to measure.")
+    degree: int = Field(
+        3, description="Degree of the curves that choose the anchors, as in `pumps segment`.", ge=1, le=3
+    )
     splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
     max_clips: int = Field(0, description="Clips to measure, spread evenly over the archives; 0 for all.", ge=0)
     longest_s: float = Field(20.0, description="Seconds of each clip to measure, from its first frame.", gt=0)

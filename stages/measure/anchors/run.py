@@ -82,7 +82,7 @@ def _rows(
     body = body_of(skeleton)
     places = body_positions(skeleton, motion, body)
     for price in config.lambdas:
-        clip = segmented(places, body.scale, motion.fps, price, _LONGEST_S)
+        clip = segmented(places, body.scale, motion.fps, price, _LONGEST_S, degree=config.degree)
         count = len(clip.anchors)
         if count > motion.frames - 1:
             continue

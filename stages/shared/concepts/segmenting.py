@@ -6,24 +6,31 @@ import numpy as np
 
 from data_schemas.concepts import NO_CLUSTER, SegmentedClip
 from stages.shared.concepts.body_positions import fit_features
-from stages.shared.kinematics.spline_segments import best_segments, fitted_splines, spline_frames
+from stages.shared.kinematics.spline_segments import CUBIC, best_segments, fitted_splines, spline_frames
 
 _CM = 100.0
 
 
 def segmented(
-    positions: np.ndarray, scale: float, fps: float, price: float, longest_s: float, action: str = ""
+    positions: np.ndarray,
+    scale: float,
+    fps: float,
+    price: float,
+    longest_s: float,
+    action: str = "",
+    degree: int = CUBIC,
 ) -> SegmentedClip:
     """Anchors and splines of a motion.
 
     Args:
         positions: (T, J, 3) metres on the rig; the pelvis is joint 0. scale: to the standard stature.
         fps: frames a second. price: the paper's lambda. longest_s: of a transition, in seconds.
+        degree: of the polynomials that choose the anchors; the splines are cubics always.
 
     Returns: the clip with its positions scaled; no anchor has a cluster yet.
     """
     longest = max(1, int(longest_s * fps))
-    anchors = best_segments(fit_features(positions, scale, fps), price, longest).junctions
+    anchors = best_segments(fit_features(positions, scale, fps), price, longest, degree).junctions
     places = np.asarray(positions, np.float64) * scale
     return SegmentedClip(
         positions=places.astype(np.float32),

@@ -1,6 +1,7 @@
 """A motion as consecutive splines: the best junctions by dynamic programming (motion concepts, equations 1 and 2).
 
-Every feature (one coordinate of one joint) of a segment is fitted with a cubic polynomial of time by least squares.
+Every feature (one coordinate of one joint) of a segment is fitted with a cubic of time by least squares (or with a
+polynomial of lower degree).
 A segment from frame k to frame n holds both of them, so that neighbours share their junction. The cost of a
 segmentation is the sum of the squared residuals of all segments, and a price for each segment.
 
@@ -21,8 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-DEGREE = 3
-_TERMS = DEGREE + 1
+CUBIC = 3  # the paper's degree
 _BINOMIAL = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [1, 2, 1, 0], [1, 3, 3, 1]], np.float64)
 _BLOCK = 1024  # first frames at a time; each block is centred at its own mean, which keeps the sums small
 
@@ -41,20 +41,21 @@ class Segmentation:
     cost: float
 
 
-def segment_errors(features: np.ndarray, longest: int) -> np.ndarray:
-    """Residuals of the cubic fits of all segments of at most `longest` steps.
+def segment_errors(features: np.ndarray, longest: int, degree: int = CUBIC) -> np.ndarray:
+    """Residuals of the polynomial fits of all segments of at most `longest` steps.
 
     Args:
         features: (T, F) finite numbers, T >= 2.
         longest: steps (frames minus one) of the longest segment, at least 1.
+        degree: of the polynomials, 1 to 3.
 
     Returns: (longest + 1, T) float64. Row j, column k: sum over frames k to k + j and over features of the squared
-        residuals of a least-squares cubic; row 0 and segments that end after the last frame are infinite.
+        residuals of a least-squares polynomial; row 0 and segments that end after the last frame are infinite.
     """
     frames = len(features)
     longest = min(longest, frames - 1)
     out = np.full((longest + 1, frames), np.inf)
-    inverses = _inverse_grams(longest)
+    inverses = _inverse_grams(longest, degree)
     for first in range(0, frames - 1, _BLOCK):
         starts = min(_BLOCK, frames - 1 - first)
         part = np.asarray(features[first : first + starts + longest], np.float64)
@@ -67,13 +68,13 @@ def _fill_block(out: np.ndarray, part: np.ndarray, starts: int, longest: int, in
     """Residuals of the segments that start in the first `starts` frames of `part`, into `out` (longest + 1,
     starts).
     """
-    count = len(part)
+    count, terms = len(part), inverses.shape[-1]
     squares = np.einsum("tf,tf->t", part, part)
     energies = np.concatenate([[0.0], np.cumsum(squares)])
-    sums = np.zeros((_TERMS, count))  # U_r(n) = sum over e = 1..j of (e / longest)^r S(n - e, n)
-    grams = np.zeros((_TERMS, _TERMS, starts))
+    sums = np.zeros((terms, count))  # U_r(n) = sum over e = 1..j of (e / longest)^r S(n - e, n)
+    grams = np.zeros((terms, terms, starts))
     grams[0, 0] = squares[:starts]  # the first frame is at time 0
-    powers = np.arange(_TERMS)
+    powers = np.arange(terms)
     for step in range(1, min(longest, count - 1) + 1):
         now = step / longest
         times = now**powers
@@ -82,7 +83,9 @@ def _fill_block(out: np.ndarray, part: np.ndarray, starts: int, longest: int, in
         ends = slice(step, step + here)
         # <sum over i < n of u_i^p y_i, y_n> with u_i = now - e / longest, expanded by the binomial theorem.
         signs = (-1.0) ** powers
-        expand = _BINOMIAL * now ** np.clip(powers[:, None] - powers[None, :], 0, None) * signs[None, :]
+        expand = (
+            _BINOMIAL[:terms, :terms] * now ** np.clip(powers[:, None] - powers[None, :], 0, None) * signs[None, :]
+        )
         crossed = expand @ sums[:, ends]
         grown = times[:, None, None] * crossed[None, :, :]
         grams[:, :, :here] += (
@@ -90,42 +93,45 @@ def _fill_block(out: np.ndarray, part: np.ndarray, starts: int, longest: int, in
         )
         # Scaled by the segment's own length, where the Gram matrix of the powers is well conditioned.
         scaled = inverses[step] / np.outer(times, times)
-        if step <= DEGREE:
-            out[step, :here] = 0.0  # at most four frames, through which a cubic passes
+        if step < terms:
+            out[step, :here] = 0.0  # no more frames than coefficients
             continue
         explained = np.tensordot(scaled, grams[:, :, :here], axes=([0, 1], [0, 1]))
         energy = energies[step + 1 : step + 1 + here] - energies[:here]
         out[step, :here] = np.maximum(energy - explained, 0.0)
 
 
-def _inverse_grams(longest: int) -> np.ndarray:
-    """(longest + 1, 4, 4): inverses of H_pq = sum over i = 0..j of (i / j)^(p + q), for j from 4 on; else zeros."""
-    out = np.zeros((longest + 1, _TERMS, _TERMS))
-    for step in range(_TERMS, longest + 1):
-        basis = _powers(step)
+def _inverse_grams(longest: int, degree: int) -> np.ndarray:
+    """(longest + 1, P, P) for P = degree + 1: inverses of H_pq = sum over i = 0..j of (i / j)^(p + q), for j from P
+    on.
+    """
+    out = np.zeros((longest + 1, degree + 1, degree + 1))
+    for step in range(degree + 1, longest + 1):
+        basis = _powers(step, degree)
         out[step] = np.linalg.inv(basis.T @ basis)
     return out
 
 
-def _powers(steps: int) -> np.ndarray:
-    """(steps + 1, 4) powers 0 to 3 of times 0 to 1."""
-    return np.linspace(0.0, 1.0, steps + 1)[:, None] ** np.arange(_TERMS)
+def _powers(steps: int, degree: int = CUBIC) -> np.ndarray:
+    """(steps + 1, degree + 1) powers of times 0 to 1."""
+    return np.linspace(0.0, 1.0, steps + 1)[:, None] ** np.arange(degree + 1)
 
 
-def best_segments(features: np.ndarray, price: float, longest: int) -> Segmentation:
+def best_segments(features: np.ndarray, price: float, longest: int, degree: int = CUBIC) -> Segmentation:
     """The segmentation of least cost (equation 2): Error_n = min over k < n of Error_k + fit(k..n) + price.
 
     Args:
         features: (T, F) finite numbers, T >= 1.
         price: of each segment (the paper's lambda), in the features' unit squared, at least 0.
         longest: steps of the longest segment, at least 1.
+        degree: of the polynomials; 1 gives junctions that straight lines join best.
 
     Returns: the best segmentation; of equal ones, the one whose last segments are shortest.
     """
     frames = len(features)
     if frames < 2:
         return Segmentation(np.zeros(frames, np.int64), np.zeros(0), 0.0)
-    errors = segment_errors(features, longest)
+    errors = segment_errors(features, longest, degree)
     longest = len(errors) - 1
     costs = np.zeros(frames)
     before = np.zeros(frames, np.int64)
@@ -155,7 +161,7 @@ def fitted_splines(features: np.ndarray, junctions: np.ndarray) -> np.ndarray:
         first frame to 1 at its last. A segment of fewer than four frames gets the coefficients of least norm.
     """
     flat = np.asarray(features, np.float64).reshape(len(features), -1)
-    out = np.zeros((max(len(junctions) - 1, 0), _TERMS, flat.shape[1]))
+    out = np.zeros((max(len(junctions) - 1, 0), CUBIC + 1, flat.shape[1]))
     for at, (first, last) in enumerate(pairwise(junctions)):
         out[at] = np.linalg.lstsq(_powers(int(last - first)), flat[first : last + 1], rcond=None)[0]
     return out.reshape(*out.shape[:2], *np.shape(features)[1:])

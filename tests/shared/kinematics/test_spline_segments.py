@@ -19,21 +19,23 @@ def smooth_motion(rng: np.random.Generator, frames: int, features: int) -> np.nd
     )[:frames]
 
 
-def plain_error(features: np.ndarray, first: int, last: int) -> float:
+def plain_error(features: np.ndarray, first: int, last: int, degree: int = 3) -> float:
     """The squared residual of one cubic by NumPy's polynomial fit."""
-    if last - first <= 3:
+    if last - first <= degree:
         return 0.0
     times = np.linspace(0, 1, last - first + 1)
-    fitted = np.polynomial.polynomial.polyfit(times, features[first : last + 1], 3)
+    fitted = np.polynomial.polynomial.polyfit(times, features[first : last + 1], degree)
     return float(np.square(np.polynomial.polynomial.polyval(times, fitted).T - features[first : last + 1]).sum())
 
 
-def plain_cost(features: np.ndarray, price: float, longest: int) -> float:
+def plain_cost(features: np.ndarray, price: float, longest: int, degree: int) -> float:
     """Equation 2 with every pair of frames, each fitted anew."""
     costs = [0.0]
     for last in range(1, len(features)):
         costs.append(
-            min(costs[k] + plain_error(features, k, last) + price for k in range(max(0, last - longest), last))
+            min(
+                costs[k] + plain_error(features, k, last, degree) + price for k in range(max(0, last - longest), last)
+            )
         )
     return costs[-1]
 
@@ -41,15 +43,17 @@ def plain_cost(features: np.ndarray, price: float, longest: int) -> float:
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 10_000), frames=st.integers(2, 45), features=st.integers(1, 5),
-    longest=st.integers(1, 60), price=st.floats(0.01, 30), far=st.sampled_from([0.0, 300.0]),
+    longest=st.integers(1, 60), price=st.floats(0.01, 30), far=st.sampled_from([0.0, 300.0]), degree=st.integers(1, 3),
 )  # fmt: skip
-def test_costs_are_those_of_a_plain_reference(seed, frames, features, longest, price, far):
+def test_costs_are_those_of_a_plain_reference(seed, frames, features, longest, price, far, degree):
     motion = smooth_motion(np.random.default_rng(seed), frames, features) + far
-    found = best_segments(motion, price, longest)
+    found = best_segments(motion, price, longest, degree)
     assert found.junctions[0] == 0 and found.junctions[-1] == frames - 1
     assert (np.diff(found.junctions) >= 1).all() and np.diff(found.junctions).max(initial=1) <= max(1, longest)
-    assert found.cost == pytest.approx(plain_cost(motion, price, longest), rel=1e-6, abs=1e-6)
-    own = sum(plain_error(motion, a, b) + price for a, b in zip(found.junctions, found.junctions[1:], strict=False))
+    assert found.cost == pytest.approx(plain_cost(motion, price, longest, degree), rel=1e-6, abs=1e-6)
+    own = sum(
+        plain_error(motion, a, b, degree) + price for a, b in zip(found.junctions, found.junctions[1:], strict=False)
+    )
     assert own == pytest.approx(found.cost, rel=1e-6, abs=1e-6)
 
 
