@@ -29,8 +29,8 @@ class Config(WritingConfig, SeededConfig):
     )
     degree: int | None = Field(
         None,
-        description="Degree of the curves that choose the anchors: 3 is the paper's; 1 puts keys where straight lines "
-        "between them are nearest to the motion. Default: 1 with --keyframes, else 3.",
+        description="Degree of the curves that choose the anchors. 3: the paper's. 1: where straight lines between "
+        "anchors are nearest to the motion. Default: 3, and 1 with --keyframes.",
         ge=1,
         le=3,
     )

@@ -149,6 +149,18 @@ WRITINGS = (
         "--motion {made}/motion --intervals 15 --conditions true --points 32 --made {out}-kept --device cpu -o {out}",
     ),
     Writing("concepts", "segment", "{made}/motion -o {out}"),
+    Writing(
+        "grouped", "segment",
+        "{made}/motion --fps 20 --actions '(kick|punch)' --cluster kmeans --clusters 2 -o {out}",
+    ),
+    Writing(
+        "learned", "train concepts",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --latent 2 --warmup 1 --validate-every 2 "
+        "--checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing(
+        "refined.bvh", "refine", f"{CLIPS}/kick.bvh --action kick --weights {{made}}/learned --device cpu -o {{out}}"
+    ),
     Writing("measured-anchors", "measure anchors", "--motion {made}/motion --splits train --lambdas 200 -o {out}"),
     Writing("packed", "weights pack", "{made}/run -o {out}"),
     Writing(

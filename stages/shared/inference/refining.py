@@ -140,9 +140,9 @@ def judged(model: ConceptModel, positions: np.ndarray, kind: int) -> tuple[np.nd
     anchors = [0]
     for frame in range(1, count - 1):
         near = chances[max(frame - _APART, 1) : min(frame + _APART + 1, count - 1)]
-        if chances[frame] > 0.5 and chances[frame] == near.max() and frame - anchors[-1] >= _APART:
-            if count - 1 - frame >= _APART:
-                anchors.append(frame)
+        apart = min(frame - anchors[-1], count - 1 - frame)
+        if apart >= _APART and chances[frame] > 0.5 and chances[frame] == near.max():
+            anchors.append(frame)
     anchors = np.array([*anchors, count - 1])
     if kind not in model.quality:
         return anchors, np.zeros(len(anchors)), np.zeros(len(anchors), bool)

@@ -42,8 +42,8 @@ def plain_cost(features: np.ndarray, price: float, longest: int, degree: int) ->
 
 @settings(max_examples=25, deadline=None)
 @given(
-    seed=st.integers(0, 10_000), frames=st.integers(2, 45), features=st.integers(1, 5),
-    longest=st.integers(1, 60), price=st.floats(0.01, 30), far=st.sampled_from([0.0, 300.0]), degree=st.integers(1, 3),
+    seed=st.integers(0, 10_000), frames=st.integers(2, 45), features=st.integers(1, 5), degree=st.integers(1, 3),
+    longest=st.integers(1, 60), price=st.floats(0.01, 30), far=st.sampled_from([0.0, 300.0]),
 )  # fmt: skip
 def test_costs_are_those_of_a_plain_reference(seed, frames, features, longest, price, far, degree):
     motion = smooth_motion(np.random.default_rng(seed), frames, features) + far
