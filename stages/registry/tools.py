@@ -44,6 +44,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("train", "recogniser"),
+        "Train a recogniser of actions, whose features measure generated motions.",
+        ("concepts",), "checkpoint",
+        "pumps train recogniser --concepts runs/mine/segment -o runs/mine/train-recogniser",
+        pipeline=False,
+    ),
+    Stage(
         ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",

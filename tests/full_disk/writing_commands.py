@@ -159,7 +159,13 @@ WRITINGS = (
         "--checkpoint-every 1 --device cpu -o {out}",
     ),
     Writing(
-        "refined.bvh", "refine", f"{CLIPS}/kick.bvh --action kick --weights {{made}}/learned --device cpu -o {{out}}"
+        "refined.bvh", "refine",
+        f"{CLIPS}/kick.bvh --action kick --weights {{made}}/learned --device cpu -o {{out}}",
+    ),
+    Writing(
+        "recogniser", "train recogniser",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --warmup 1 --validate-every 2 "
+        "--checkpoint-every 1 --device cpu -o {out}",
     ),
     Writing("measured-anchors", "measure anchors", "--motion {made}/motion --splits train --lambdas 200 -o {out}"),
     Writing("packed", "weights pack", "{made}/run -o {out}"),
