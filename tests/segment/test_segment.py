@@ -23,7 +23,7 @@ CLIPS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "clips"
 
 
 def test_anchors_are_a_list_that_infill_takes():
-    report = run(Config(input=CLIPS / "jump.bvh", keyframes=True))
+    report = run(Config(input=CLIPS / "jump.bvh", keyframes=True, lambda_=800))
     (line,) = report.lines
     keys = parse_keyframes(line, report.figures["frames"])
     assert keys.tolist() == report.figures["keyframes"]
