@@ -150,3 +150,25 @@ def test_bad_input_is_one_sentence_and_nothing_is_lost(
     with pytest.raises(error, match=words):
         run(Config(**{**given, **settings}, device="cpu"))
     assert out.read_text() == "old"
+
+
+def test_a_batch_without_a_known_concept_has_a_finite_loss(weights: Path):
+    """Windows whose masked anchors are all first or last frames, which need not be anchors of the clip."""
+    import torch
+
+    from data_schemas.concepts import ConceptsReader
+    from stages.shared.concepts.sequences import concept_set
+    from stages.shared.networks.layers.row_generator import row_generator
+    from stages.train.concepts.run import new_networks
+    from stages.train.concepts.task import ConceptTask
+
+    config = TrainConfig(concepts=weights.parent / "c", output=weights, window=24, width=16, latent=4, device="cpu")
+    with ConceptsReader(config.concepts) as reader:
+        found = concept_set(reader)
+    task = ConceptTask(config, new_networks(found, 16, 4), found, torch.device("cpu"))
+    batch = task.held_back
+    unknown = type(batch)(**{**vars(batch), "concept": torch.full_like(batch.concept, -1)})
+    value, _ = task.loss(unknown, row_generator(0, [1] * len(batch.motion), torch.device("cpu")))
+    value.backward()
+    assert torch.isfinite(value)
+    assert all(torch.isfinite(p.grad).all() for p in task.networks.parameters() if p.grad is not None)

@@ -61,7 +61,7 @@ class ConceptTask(TrainingTask[ConceptNetworks]):
             batch.motion, batch.action, batch.seen, batch.at, torch.where(known, batch.concept, self._any(batch))
         )
         true = batch.motion[torch.arange(len(batch.at), device=self.device), batch.at]
-        entropy = F.cross_entropy(classes[known], batch.concept[known]) if known.any() else classes.sum() * 0
+        entropy = F.cross_entropy(classes[known], batch.concept[known]) if known.any() else poses.sum() * 0
         whole, restored = self.networks.transitions(batch.motion, batch.action, batch.valid, batch.segments)
         return {
             "recogniser": (found * valid).sum() / valid.sum(),
