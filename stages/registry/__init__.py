@@ -12,7 +12,19 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + tools.STAGES
 
 # What `pumps --help` shows: panel -> words after `pumps`, in the order of reading.
 PANELS = {
-    "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
+    "Animate": (
+        "infill",
+        "retarget",
+        "denoise",
+        "estimate",
+        "segment",
+        "refine",
+        "inspect",
+        "export",
+        "report",
+        "formats",
+        "doctor",
+    ),
     "Data": ("data", "ingest", "artefact"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
     "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),

@@ -24,6 +24,33 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        ("segment",),
+        "Find the natural key poses of a motion, between which each joint follows one cubic (motion concepts).",
+        ("any format", "motion"), "concepts", "pumps segment walk.bvh --keyframes",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("refine",),
+        "Find flawed frames of a motion of a known action, and mend them with motion concepts.",
+        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet",
+        "pumps refine made.bvh --action walk --weights runs/mine/train-concepts -o refined.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("train", "concepts"),
+        "Learn motion concepts of actions, and to find and mend flawed frames with them.",
+        ("concepts",), "checkpoint",
+        "pumps train concepts --concepts runs/mine/segment -o runs/mine/train-concepts",
+        pipeline=False,
+    ),
+    Stage(
+        ("train", "recogniser"),
+        "Train a recogniser of actions, whose features measure generated motions.",
+        ("concepts",), "checkpoint",
+        "pumps train recogniser --concepts runs/mine/segment -o runs/mine/train-recogniser",
+        pipeline=False,
+    ),
+    Stage(
         ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",
@@ -109,6 +136,13 @@ STAGES: tuple[Stage, ...] = (
         "Measure filters and networks that clean noisy motion, on held-out clips of one rig: PUMPS Table 4.",
         ("tpc", "checkpoint"), "metrics",
         "pumps measure denoise --tpc runs/mine/sample-tpc --weights mine=runs/mine/cleaner -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "anchors"),
+        "Fill clips between their anchors and between as many evenly spaced keys, and measure both.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure anchors --motion runs/mine/ingest -o runs/mine/measure-anchors",
         pipeline=False,
     ),
     Stage(

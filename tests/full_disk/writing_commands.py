@@ -164,6 +164,26 @@ WRITINGS = (
         "solved/metrics", "measure solve",
         "--motion {made}/motion --intervals 15 --conditions true --points 32 --made {out}-kept --device cpu -o {out}",
     ),
+    Writing("concepts", "segment", "{made}/motion -o {out}"),
+    Writing(
+        "grouped", "segment",
+        "{made}/acting --fps 20 --actions (walk|run).bvh --cluster kmeans --clusters 2 -o {out}",
+    ),
+    Writing(
+        "learned", "train concepts",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --latent 2 --warmup 1 "
+        "--validate-every 2 --checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing(
+        "refined.bvh", "refine",
+        f"{CLIPS}/kick.bvh --action walk --weights {{made}}/learned --device cpu -o {{out}}",
+    ),
+    Writing(
+        "recogniser", "train recogniser",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --warmup 1 --validate-every 2 "
+        "--checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing("measured-anchors", "measure anchors", "--motion {made}/motion --splits train --lambdas 200 -o {out}"),
     Writing("packed", "weights pack", "{made}/run -o {out}"),
     Writing(
         "calibrated", "weights calibrate",
@@ -192,6 +212,11 @@ FIRST_FORMS = tuple({writing.command: writing for writing in reversed(WRITINGS)}
 # What some of these read besides.
 PREPARED = (
     Writing("rigs", "ingest bvh", "{made}/rig.bvh --workers 1 -o {out}"),
+    Writing(
+        "acting",
+        "ingest bvh",
+        f"{CLIPS}/walk.bvh {CLIPS}/run.bvh --splits {CLIPS}/splits.json --licence CC0 --workers 1 -o {{out}}",
+    ),
     *(
         Writing(f"part-{part}", "sample-tpc", f"--motion {{made}}/motion --points 64 --shard {part}/2 -o {{out}}")
         for part in (1, 2)
