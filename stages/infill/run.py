@@ -12,7 +12,6 @@ import numpy as np
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
-from stages.infill.gap_speed import sentences_of_speed
 from stages.infill.request import Request, request_of
 from stages.infill.row_files import RowFile, row_file
 from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
@@ -25,6 +24,7 @@ from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
