@@ -2,8 +2,8 @@
 
 A key's angles are the file's own and may be written in any of the equal forms (plus 360 degrees, or the other
 triple). A curve that follows the key before may therefore arrive in another form than the key after has. Then the
-curve without a jump that reaches that form is searched for (`stages.shared.formats.euler_path`). Where there is none, the
-curve is followed from both keys and changes its form inside the gap, where it hurts least: near plus or minus 180
+curve without a jump that reaches that form is searched for (`stages.shared.formats.euler_path`). Where there is none,
+the curve is followed from both keys and changes its form inside the gap, where it hurts least: near plus or minus 180
 degrees, as the curves in the wild do. Such a jump is reported.
 """
 
