@@ -12,6 +12,8 @@ from stages.shared.editing.settings import EditConfig
 class Config(EditConfig):
     """Exchange left and right."""
 
-    across: Literal["x", "z"] = Field(
-        "x", description="Axis of the world along which it is mirrored; Y is up, whatever the file says."
+    across: Literal["auto", "x", "z"] = Field(
+        "auto",
+        description="Axis of the world along which it is mirrored, Y being up; auto takes the one from the body's "
+        "left to its right at rest.",
     )

@@ -109,8 +109,8 @@ def change_of_bridge(found: Bridged, fps: float, what: str, file: MotionFile | N
     if seams is not None:
         lines.append(
             f"Filled {count} frames ({count / fps:.2f} s) {what}. The velocity changes by {seams.jumps_mps[0]:.3f} "
-            f"m/s before them and {seams.jumps_mps[1]:.3f} m/s after them (mean over the body's joints); in the clips it "
-            f"changes by {seams.usual_mps:.3f} m/s a frame, and the joints move at {seams.step_mps:.3f} m/s."
+            f"m/s before them and {seams.jumps_mps[1]:.3f} m/s after them (mean over the body's joints); in the "
+            f"clips it changes by {seams.usual_mps:.3f} m/s a frame, and the joints move at {seams.step_mps:.3f} m/s."
         )
         figures["seam_jumps_mps"] = seams.jumps_mps.tolist()
         figures["usual_jump_mps"] = seams.usual_mps

@@ -6,8 +6,9 @@ frame of j's partner j' to what is seen from the frame of j. With both,
 
     G'_j = M G_j' S_j^T,        root' = M root,        track'_j = S_parent(j) track_j'
 
-is a motion of the same skeleton. S_j is read off a pose in which the body is symmetric, with M_0 the mirror between
-its left and right: S_j = G_j^T M_0 G_j'. Then S_j S_j' = 1, whatever the pose is, so that a motion mirrored twice is
+is a motion of the same skeleton. S_j is read off poses in which the body is symmetric, with M_0 the mirror between
+its left and right: S_j = G_j^T M_0 G_j'
+(the mean over the poses). Then S_j S_j' = 1, whatever the pose is, so that a motion mirrored twice is
 itself. In most rigs the frames' axes correspond to each other up to their signs; S_j is then made exactly that.
 """
 
@@ -29,13 +30,13 @@ from stages.shared.humanoid.symmetric_pairs import find_pairs
 from stages.shared.kinematics.forward_numpy import positions_of
 from stages.shared.kinematics.rotations import continuous_signs, multiply
 
-ACROSS = {"x": 0, "z": 2}
 _CANDIDATES = 200
+_SHARE = 0.3  # of them: the most symmetric ones
 _LOPSIDED = 0.05  # mean distance from symmetry, of the body's height: a rest pose beyond is not used
 _NEAR_AXIS = np.cos(np.radians(15))
-_NEAR_REST, _NEAR_FRAME = np.radians(25), np.radians(40)  # from the reflection found to one along the axes
+_NEAR_REST, _NEAR_FRAMES = np.radians(25), np.radians(60)  # from the reflection found to one along the axes
 _SAME_DIRECTION = np.cos(np.radians(15))
-_OFF_CENTRE_M = 1e-3
+_OFF_CENTRE_M, _TINY_M = 1e-3, 1e-3
 REFLECTIONS = np.array(
     [
         np.eye(3)[list(order)] * np.array(signs)[:, None]
@@ -60,11 +61,12 @@ class Mirror:
     frames: np.ndarray
 
 
-def mirror_of(skeleton: Skeleton, motion: Motion, across: str = "x") -> Mirror:
+def mirror_of(skeleton: Skeleton, motion: Motion, across: str = "auto") -> Mirror:
     """The mirror of a skeleton, whose symmetric pose is its rest pose or the most symmetric frame of the motion.
 
     Args:
-        across: "x" or "z", the axis along which the world is reflected.
+        across: "x" or "z", the axis along which the world is reflected; "auto" for the one from the body's left to
+            its right at rest, or x where that is none.
 
     Raises: InputError if the skeleton has no pair of joints on its two sides.
     """
@@ -77,18 +79,21 @@ def mirror_of(skeleton: Skeleton, motion: Motion, across: str = "x") -> Mirror:
     partner = np.arange(skeleton.joints)
     for left, right in pairs:
         partner[left], partner[right] = right, left
-    rotations, plane, at_rest = _symmetric_pose(skeleton, motion, partner)
+    rotations, planes, at_rest = _symmetric_poses(skeleton, motion, partner)
     frames = np.empty((skeleton.joints, 3, 3))
     for joint in range(skeleton.joints):
         other = int(partner[joint])
         if other < joint:
             frames[joint] = frames[other].T
-        else:
-            found = rotations[joint].T @ plane @ rotations[other]
-            near = _NEAR_REST if at_rest else _NEAR_FRAME
-            frames[joint] = _along_axes(skeleton, partner, joint, found, near)
-    world = np.eye(3)
-    world[ACROSS[across], ACROSS[across]] = -1.0
+            continue
+        found = _nearest_reflection(
+            (rotations[:, joint].transpose(0, 2, 1) @ planes @ rotations[:, other]).mean(axis=0)
+        )
+        above = frames[skeleton.parents[joint]] if joint else found
+        frames[joint] = _along_axes(skeleton, partner, joint, found, above, _NEAR_REST if at_rest else _NEAR_FRAMES)
+    across_z = across == "z" or (across == "auto" and at_rest and planes[0, 2, 2] == -1)
+    flip = (1.0, 1.0, -1.0) if across_z else (-1.0, 1.0, 1.0)
+    world = np.diag(flip)
     return Mirror(world, partner, frames)
 
 
@@ -119,8 +124,9 @@ def mirrored(skeleton: Skeleton, motion: Motion, mirror: Mirror) -> Motion:
     return result
 
 
-def _symmetric_pose(skeleton: Skeleton, motion: Motion, partner: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Global rotations (J, 3, 3) of a pose, the reflection (3, 3) between its sides, whether it is the rest pose."""
+def _symmetric_poses(skeleton: Skeleton, motion: Motion, partner: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Poses in which the body is symmetric: global rotations (F, J, 3, 3), the reflections (F, 3, 3) between the
+    sides, and whether they are the rest pose alone."""
     parts, _, _ = parts_of_skeleton(skeleton)
     try:
         rest = rest_pose(skeleton)
@@ -129,13 +135,13 @@ def _symmetric_pose(skeleton: Skeleton, motion: Motion, partner: np.ndarray) -> 
             if off[0] < _LOPSIDED:
                 axis = int(np.abs(left[0]).argmax())
                 normal = np.eye(3)[axis] if np.abs(left[0, axis]) > _NEAR_AXIS else left[0]
-                return Rotation.from_quat(rest.rotations[0]).as_matrix(), _reflection(normal), True
+                return matrices_of(rest.rotations), _reflections(normal[None]), True
     except InputError:
         pass  # a limb is missing, and the rest pose cannot be judged
     some = motion.at(np.unique(np.linspace(0, motion.frames - 1, _CANDIDATES).astype(int)))
     left, off = _asymmetry(skeleton, some, parts, partner)
-    best = int(off.argmin())
-    return Rotation.from_quat(some.rotations[best]).as_matrix(), _reflection(left[best]), False
+    best = np.argsort(off)[: max(round(_SHARE * len(off)), 1)]
+    return matrices_of(some.rotations[best]), _reflections(left[best]), False
 
 
 def _asymmetry(
@@ -155,27 +161,44 @@ def _asymmetry(
     return left, off / max(float(height), 1e-9)
 
 
-def _reflection(normal: np.ndarray) -> np.ndarray:
-    return np.eye(3) - 2 * np.outer(normal, normal)
+def matrices_of(rotations: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) as matrices (..., 3, 3), float64."""
+    flat = Rotation.from_quat(rotations.reshape(-1, 4).astype(np.float64)).as_matrix()
+    return flat.reshape(*rotations.shape[:-1], 3, 3)
 
 
-def _along_axes(skeleton: Skeleton, partner: np.ndarray, joint: int, found: np.ndarray, near: float) -> np.ndarray:
-    """The reflection along the axes that is nearest to the one found, if it is near and the joint's children lie as
-    their partners do in it; else the one found."""
+def _reflections(normals: np.ndarray) -> np.ndarray:
+    """(F, 3, 3) reflections through planes with unit normals (F, 3)."""
+    return np.eye(3) - 2 * normals[:, :, None] * normals[:, None, :]
+
+
+def _nearest_reflection(matrix: np.ndarray) -> np.ndarray:
+    """The left-handed orthogonal matrix nearest to a matrix (3, 3)."""
+    left, _, right = np.linalg.svd(matrix)
+    left[:, 2] *= -np.linalg.det(left @ right)
+    return left @ right
+
+
+def _along_axes(
+    skeleton: Skeleton, partner: np.ndarray, joint: int, found: np.ndarray, above: np.ndarray, near: float
+) -> np.ndarray:
+    """The parent's reflection, or else the reflection along the axes that is nearest to the one found, if it is near
+    and the ends of the joint's bones lie as their partners do in it; otherwise the one found."""
     other = int(partner[joint])
     choices = REFLECTIONS
     if other == joint:
         choices = choices[np.abs(choices - choices.transpose(0, 2, 1)).max(axis=(1, 2)) == 0]
-    traces = np.einsum("nij,ij->n", choices, found)
-    best = choices[int(traces.argmax())]
-    if np.arccos(np.clip((traces.max() - 1) / 2, -1, 1)) > near:
-        return found
-    for child in np.flatnonzero(skeleton.parents == joint):
-        twin = int(partner[child])
-        if skeleton.parents[twin] != other:
-            continue
-        here, there = skeleton.offsets[child], best @ skeleton.offsets[twin]
+    ends = [(skeleton.tails[joint], skeleton.tails[other])] if skeleton.sampled[joint] else []
+    children = [int(child) for child in np.flatnonzero(skeleton.parents == joint)]
+    twins = [(child, int(partner[child])) for child in children if skeleton.parents[partner[child]] == other]
+    for here, there in [*ends, *((skeleton.offsets[child], skeleton.offsets[twin]) for child, twin in twins)]:
         size = float(np.linalg.norm(here) * np.linalg.norm(there))
-        if size > 1e-6 and here @ there < _SAME_DIRECTION * size:
-            return found
-    return best
+        if size > _TINY_M**2:
+            choices = choices[(choices @ there) @ here > _SAME_DIRECTION * size]
+    if len(choices) == 0:
+        return found
+    away = np.arccos(np.clip((np.einsum("nij,ij->n", choices, found) - 1) / 2, -1, 1))
+    alike = (choices == above).all(axis=(1, 2))
+    if alike.any() and (away[alike].min() < near or away.min() >= near):  # a limb that moves alone shows little
+        return above
+    return choices[int(away.argmin())] if away.min() < near else found

@@ -101,7 +101,7 @@ def _row(row: bytes, columns: MirroredColumns, made: np.ndarray) -> bytes:
     for column, at in enumerate(places):
         source = int(columns.source[column])
         if source < 0:
-            parts[at] = b"%.6f" % (made[column] + 0.0)
+            parts[at] = b"%.6f" % (round(float(made[column]), 6) + 0.0)
         else:
             parts[at] = numbers[source] if columns.sign[column] > 0 else _negated(numbers[source])
     return b"".join(parts)

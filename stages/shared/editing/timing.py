@@ -62,8 +62,8 @@ def range_of_seconds(text: str, frames: int, fps: float) -> np.ndarray:
 def resampled(skeleton: Skeleton, motion: Motion, fps: float) -> Edited:
     """A motion at another rate. Poses at times at which the input has a frame are that frame's, value for value.
 
-    The others lie on the curve without kinks through the input's frames (`interpolate_pose`). No low-pass comes before
-    a lower rate, unlike in `stages.shared.kinematics.resampling.resample`: it would change every frame.
+    The others lie on the curve without kinks through the input's frames (`interpolate_pose`). No low-pass comes
+    before a lower rate, unlike in `stages.shared.kinematics.resampling.resample`: it would change every frame.
 
     Raises: UsageError if the rate is not above 0, or asks for more frames than can be.
     """
