@@ -38,7 +38,14 @@ from stages.shared.kinematics.plain_interpolation import damped_smoothness
 from stages.shared.solve.skeleton_pose import SkeletonPose
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-FAMILIES = ("bandai-namco-1.zip", "bandai-namco-2.zip", "cmu-asfamc.zip", "cmu-dance.zip", "hdm05.zip", "lafan1-g1.zip")
+FAMILIES = (
+    "bandai-namco-1.zip",
+    "bandai-namco-2.zip",
+    "cmu-asfamc.zip",
+    "cmu-dance.zip",
+    "hdm05.zip",
+    "lafan1-g1.zip",
+)
 SECONDS, LOOP_S, GAP_S = 6.0, 3.0, 0.5
 AWAY = Placement(2.0, np.zeros(3), np.array([3.0, 0.0, -5.0]))  # where the second part is put before it is joined
 
@@ -86,7 +93,9 @@ def measure(skeleton: Skeleton, motion: Motion, weights: str, out: Figures) -> N
     mirror = mirror_of(skeleton, motion)
     once = mirrored(skeleton, motion, mirror)
     image = positions_of(skeleton, motion)[:, mirror.partner] * np.diag(mirror.world)
-    out["mirror mm"].append(1000 * float(np.linalg.norm(positions_of(skeleton, once) - image, axis=-1)[:, body].mean()))
+    out["mirror mm"].append(
+        1000 * float(np.linalg.norm(positions_of(skeleton, once) - image, axis=-1)[:, body].mean())
+    )
     out["twice mm"].append(error_mm(skeleton, mirrored(skeleton, once, mirror), motion))
 
     odd = motion.frames - 1 + motion.frames % 2

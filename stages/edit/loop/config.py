@@ -14,8 +14,8 @@ class Config(EditConfig, DeviceConfig, SeededConfig):
 
     blend: float | None = Field(
         None,
-        description="Seconds of the frames added; by default what the way takes at the clip's usual speed, from 0.1 "
-        "to 1 s.",
+        description="Seconds of the frames added; by default 0.1 to 1 s: what the way takes at the clip's usual "
+        "speed, and longer where a seam is not smooth.",
         gt=0,
         le=10,
     )

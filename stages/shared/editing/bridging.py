@@ -13,15 +13,19 @@ from stages.shared.editing.edited import NONE, Edited
 from stages.shared.editing.placing import Placement, placement_after
 from stages.shared.editing.timing import resampled
 from stages.shared.inference.cloud_sources import SynthesisedClouds
+from stages.shared.inference.easing import ease_at_keys
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.forward_numpy import positions_of
 from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.kinematics.rotations import continuous_signs
+from stages.shared.solve.skeleton_pose import SkeletonPose
 
 MOST_SECONDS = 10.0
 SHORTEST_LOOP_S, LONGEST_LOOP_S = 0.1, 1.0
+SMOOTH_SEAM = 1.2  # of the clip's usual change of velocity from frame to frame
+_LONGER = 1.5  # a loop whose seams are not smooth is tried again so much longer
 _PACE = 1.5  # how much longer than at the clip's usual speed the way from its last to its first pose may take
 _SAME_M = 1e-3
 
@@ -52,6 +56,11 @@ class Bridged:
     seams: Seams | None
     speeds: tuple[str, ...]
 
+    @property
+    def roughness(self) -> float:
+        """The larger change of velocity at the two seams, over the mean change from frame to frame in the clips."""
+        return 0.0 if self.seams is None else float(self.seams.jumps_mps.max() / max(self.seams.usual_mps, 1e-9))
+
 
 def looped(
     skeleton: Skeleton, motion: Motion, models: Callable[[], Models], *, seconds: float | None = None, seed: int = 0
@@ -63,7 +72,8 @@ def looped(
 
     Args:
         models: loads the models that fill.
-        seconds: time of the frames added; None for what the way takes at the clip's usual speed, from 0.1 to 1 s.
+        seconds: time of the frames added; None for what the way takes at the clip's usual speed, from 0.1 s on, and for
+            longer, up to 1 s, where the velocity changes by more than 1.2 times the usual at a seam.
 
     Raises: UsageError for a time that is not above 0; InputError for a clip of fewer than 3 frames.
     """
@@ -71,10 +81,20 @@ def looped(
         raise InputError(f"A clip of {motion.frames} frames has no speed at its ends.", "Give one of 3 or more.")
     if seconds is not None and not 0 < seconds <= MOST_SECONDS:
         raise UsageError(f"{seconds:g} s is not a time for a loop.", f"Give one above 0, up to {MOST_SECONDS:g} s.")
-    count = max(round(seconds * motion.fps), 1) if seconds is not None else _frames_of_way(skeleton, motion)
+    if seconds is not None:
+        return _looped(skeleton, motion, max(round(seconds * motion.fps), 1), models(), seed)
+    count, most = _frames_of_way(skeleton, motion), max(round(LONGEST_LOOP_S * motion.fps), 1)
+    tried = [_looped(skeleton, motion, count, models(), seed)]
+    while tried[-1].roughness > SMOOTH_SEAM and count < most:
+        count = min(max(round(_LONGER * count), count + 1), most)
+        tried.append(_looped(skeleton, motion, count, models(), seed))
+    return min(tried, key=lambda each: max(each.roughness, SMOOTH_SEAM))  # of equally smooth ones the shortest
+
+
+def _looped(skeleton: Skeleton, motion: Motion, count: int, models: Models, seed: int) -> Bridged:
     placement = placement_after(skeleton, motion, motion, (count + 1) / motion.fps)
     after = placement.of_motion(motion)
-    bridge, seams, speeds = _bridge(skeleton, motion, after, count, models(), seed)
+    bridge, seams, speeds = _bridge(skeleton, motion, after, count, models, seed)
     whole = _chained(motion, bridge)
     rows = np.concatenate([np.arange(motion.frames), np.full(count, NONE)])
     edited = Edited.of(whole, rows, bridged=rows == NONE)
@@ -154,10 +174,14 @@ def _bridge(
     whole = _chained(first, gap, last)
     known = np.ones(whole.frames, bool)
     known[first.frames : first.frames + count] = False
+    options = FillOptions(foot_lock=True)
     filled = fill_motion(
         skeleton, whole, known, SynthesisedClouds(models), seed=seed, device=models.autoencoder.device,
-        options=FillOptions(foot_lock=True),
+        options=options,
     ).motion  # fmt: skip
+    # Holding feet may have brought back a part of the kinks that filling removed.
+    pose = SkeletonPose.of_motion(skeleton, filled)
+    filled = ease_at_keys(pose, known, filled.fps, options.ease_s).motion(filled.fps)
     speeds = sentences_of_speed(skeleton, filled, np.flatnonzero(known), before.frames - first.frames)
     seams = _seams(skeleton, filled, (first.frames - 1, first.frames + count), (before, after))
     return filled.at(slice(first.frames, first.frames + count)), seams, tuple(speeds)
