@@ -38,14 +38,7 @@ from stages.shared.kinematics.plain_interpolation import damped_smoothness
 from stages.shared.solve.skeleton_pose import SkeletonPose
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-FAMILIES = (
-    "bandai-namco-1.zip",
-    "bandai-namco-2.zip",
-    "cmu-asfamc.zip",
-    "cmu-dance.zip",
-    "hdm05.zip",
-    "lafan1-g1.zip",
-)
+FAMILIES = ("bandai-namco-1", "bandai-namco-2", "cmu-asfamc", "cmu-dance", "hdm05", "lafan1-g1", "reactidle")
 SECONDS, LOOP_S, GAP_S = 6.0, 3.0, 0.5
 AWAY = Placement(2.0, np.zeros(3), np.array([3.0, 0.0, -5.0]))  # where the second part is put before it is joined
 
@@ -134,7 +127,7 @@ def measure(skeleton: Skeleton, motion: Motion, weights: str, out: Figures) -> N
 def main() -> None:
     """Print one row for each archive, and one for all clips."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("archives", nargs="*", type=Path, default=[DATA / name for name in FAMILIES])
+    parser.add_argument("archives", nargs="*", type=Path, default=[DATA / f"{name}.zip" for name in FAMILIES])
     parser.add_argument("--most", type=int, default=4)
     parser.add_argument("--weights", default="small-free")
     given = parser.parse_args()

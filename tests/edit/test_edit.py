@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -67,8 +68,6 @@ def test_resample_finds_frames_that_were_left_out(tmp_path: Path):
     """Half the frames of a walk, and the others made again: nearer to the truth than the mean of the neighbours."""
     walk = pumps.load(WALK)
     half = walk.record.at(slice(0, 151, 2))
-    from dataclasses import replace
-
     halved = replace(walk, record=replace(half, fps=15.0), source=b"")
     made, true = halved.resample(30).positions, walk.positions[:151]
     straight = (true[0:-2:2] + true[2::2]) / 2

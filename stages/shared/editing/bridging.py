@@ -72,8 +72,8 @@ def looped(
 
     Args:
         models: loads the models that fill.
-        seconds: time of the frames added; None for what the way takes at the clip's usual speed, from 0.1 s on, and for
-            longer, up to 1 s, where the velocity changes by more than 1.2 times the usual at a seam.
+        seconds: time of the frames added; None for what the way takes at the clip's usual speed, from 0.1 s on, and
+            for longer, up to 1 s, where the velocity changes by more than 1.2 times the usual at a seam.
 
     Raises: UsageError for a time that is not above 0; InputError for a clip of fewer than 3 frames.
     """

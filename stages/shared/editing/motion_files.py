@@ -16,7 +16,7 @@ from stages.shared.editing.mirrored_rows import mirrored_columns, mirrored_text
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import rate_of
 from stages.shared.formats.bvh_rows import values_of
-from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.bvh_write import with_frame_count, write_bvh
 from stages.shared.formats.euler_rows import rows_between_keys, sentences_of_jumps
 from stages.shared.formats.readers import read_recordings, recognise, rig_beside
 from stages.shared.formats.recording import Asked
@@ -69,7 +69,9 @@ class MotionFile:
                     f"Write {other.name} with its header first: pumps export {other.name} --rig {self.name}.",
                 )
             values = np.concatenate([self.bvh.values, other.bvh.values])
-            return replace(self, bvh=replace(self.bvh, values=values, rows=[*self.bvh.rows, *other.bvh.rows]))
+            head = with_frame_count(self.bvh.motion_head, len(values))
+            rows = [*self.bvh.rows, *other.bvh.rows]
+            return replace(self, bvh=replace(self.bvh, values=values, rows=rows, motion_head=head))
         if self.table is not None:
             if other.table is None or len(other.table.columns) != len(self.table.columns):
                 raise InputError(f"{other.name} does not hold the angles of the robot of {self.name}.")
