@@ -31,7 +31,7 @@ def read(path: Path) -> BvhFile:
 
 def edit(verb: str, source: Path, output: Path, **options: Any) -> StageReport:
     stage = stage_named(f"edit-{verb}")
-    return stage.runner()(stage.config_type()(input=source, output=output, **options))
+    return stage.runner()(stage.config_type().model_validate({"input": source, "output": output, **options}))
 
 
 @pytest.fixture(scope="module")
