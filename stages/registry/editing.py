@@ -11,6 +11,7 @@ def _verb(name: str, summary: str, example: str, *more: str, reads: tuple[str, .
     """`pumps edit NAME`. more: further arguments after the input."""
     return Stage(
         ("edit", name), summary, reads, _WRITES, example, arguments=("input", *more), pipeline=False,
+        without=("jobs", "suffix") if more else (),
     )  # fmt: skip
 
 

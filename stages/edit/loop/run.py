@@ -12,9 +12,11 @@ from stages.shared.editing.bridging import looped
 from stages.shared.editing.edited_file import Change, change_of_bridge, edit_file
 from stages.shared.editing.motion_files import MotionFile
 from stages.shared.inference.kept_models import kept_models
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.progress import SILENT, Progress
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Add frames that lead from the last pose to the first one, moved on and turned as the clip moves and turns.
 

@@ -10,9 +10,11 @@ from stages.shared.editing.edited import NONE, Edited
 from stages.shared.editing.edited_file import Change, edit_file
 from stages.shared.editing.mirror import mirror_of, mirrored
 from stages.shared.editing.motion_files import MotionFile
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.progress import SILENT, Progress
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Mirror a motion on its own skeleton.
 

@@ -8,9 +8,11 @@ from stages.shared.contract import StageReport
 from stages.shared.editing.edited_file import Change, edit_file
 from stages.shared.editing.motion_files import MotionFile
 from stages.shared.editing.timing import range_of_frames, range_of_seconds, trimmed
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.progress import SILENT, Progress
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Cut a file to a range of its frames.
 

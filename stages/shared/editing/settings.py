@@ -7,19 +7,20 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import WritingConfig
+from stages.shared.contract import ManyFilesConfig
 
 
-class EditConfig(WritingConfig):
+class EditConfig(ManyFilesConfig):
     """Change a whole file, of any format that pumps reads."""
 
     input: Path = Field(
         description="Motion to change: a BVH, whose text and untouched rows stay, a robot's joint angles, or any "
-        "format that pumps reads. FILE.zip!MEMBER reads from an archive."
+        "format that pumps reads. FILE.zip!MEMBER reads from an archive; of a folder, archive or pattern, each file "
+        "is changed."
     )
     output: Path = Field(
         description="File to write: .bvh, .glb, .npz, .csv or .parquet. With the input's suffix, a BVH and a robot's "
-        "joint angles keep their layout."
+        "joint angles keep their layout. For several files, a folder."
     )
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0, lt=1e6
