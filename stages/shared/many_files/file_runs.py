@@ -2,8 +2,8 @@
 
 The output is a folder. `files.jsonl` in it is the run's journal: its first line has the settings and every output
 that is planned, and each file adds a line when it is done. After a kill, the same command goes on: files whose line
-says that they were written, and whose input and output are unchanged, are not run again. `files.csv` is the table of what
-became of each file.
+says that they were written, and whose input and output are unchanged, are not run again. `files.csv` is the table of
+what became of each file.
 """
 
 from __future__ import annotations
