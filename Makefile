@@ -7,6 +7,8 @@
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
 # make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
+# make body-parts-table1 | body-parts-table2 | body-parts-table3   autoencoders of body parts: sixteen bodies, seen and unseen data,
+#                  noise; BODY_PARTS_STEPS=6000 each, BODY_PARTS_WINDOWS=200 of each data set; make -j2 trains two at a time
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
@@ -53,7 +55,7 @@ SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 body-parts-table1 body-parts-table2 body-parts-table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:

@@ -14,6 +14,8 @@ GOAL   ?=
 TABLE3_STEPS   ?= 400
 TABLE4_STEPS   ?= 300
 TABLE4_WINDOWS ?= 20
+BODY_PARTS_STEPS   ?= 6000
+BODY_PARTS_WINDOWS ?= 200
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
@@ -34,3 +36,5 @@ table1 table2 table3 table4 latent-report solve-report solve-pages held-out unse
 	$(call made,$(or $(RECIPE_$@),$@),$(GOAL_$@),$(WITH_$@),$(UNTIL_SLICE))
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
+body-parts-table1 body-parts-table2 body-parts-table3: install
+	$(call made,body-parts,$(@:body-parts-%=%),--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')

@@ -26,10 +26,11 @@ PANELS = {
     ),
     "Data": ("data", "ingest", "artefact"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
-    "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
+    "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),
 }
 
 GROUP_SUMMARIES = {
+    "body-parts": "Put bodies together from trained parts.",
     "data": "List and download public data sets; pick clips, or put them on other rigs.",
     "edit": "Change whole files: trim, resample, mirror, smooth, loop, join.",
     "ingest": "Read recordings into a motion artefact.",

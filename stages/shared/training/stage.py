@@ -132,8 +132,8 @@ def _card(
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
         *[f"- Started from: weights of {_told(each)}{_on_other(each, last)}." for each in reversed(trainings[:-1])],
-        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames of "
-        f"{config.points} points, seed {config.seed}.",
+        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames"
+        f"{f' of {config.points} points' if config.points else ''}, seed {config.seed}.",
         "",
         f"Validation of these weights, at step {best_step}:",
         "",
