@@ -14,8 +14,8 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + editing.STAGES + tools.STAGES
 PANELS = {
     "Animate": (
         "infill",
-        "edit",
         "retarget",
+        "edit",
         "denoise",
         "estimate",
         "inspect",
