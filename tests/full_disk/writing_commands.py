@@ -96,6 +96,14 @@ WRITINGS = (
     ),
     Writing("composed.bvh", "body-parts compose", "{made}/body.toml -o {out} --device cpu"),
     Writing("cleaned.bvh", "denoise", f"{CLIPS}/kick.bvh -o {{out}}"),
+    *(
+        Writing(f"edited-{verb}.bvh", f"edit {verb}", f"{CLIPS}/kick.bvh {words} -o {{out}}")
+        for verb, words in (
+            ("trim", "--frames 5:25"), ("resample", "--fps 60"), ("mirror", ""), ("smooth", ""),
+            ("loop", "--blend 0.1 --weights {made}/run --device cpu"),
+            ("join", f"{CLIPS}/kick.bvh --blend 0.1 --weights {{made}}/run --device cpu"),
+        )
+    ),
     Writing("keypoints.json", "project", f"{CLIPS}/kick.bvh -o {{out}}"),
     Writing("lifted.bvh", "estimate", "{made}/keypoints.json -o {out} --device cpu"),
     Writing("picked", "data pick", "--motion {made}/motion --count 1 -o {out}"),
