@@ -14,6 +14,7 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + tools.STAGES
 PANELS = {
     "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
     "Data": ("data", "ingest", "artefact"),
+    "Meshes": ("skin",),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
     "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
 }

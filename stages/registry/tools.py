@@ -45,6 +45,23 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("skin",),
+        "Put motions on bodies: mesh sequences of any number of identities.",
+        ("motion", "any format"), "mesh", "pumps skin runs/mine/ingest --identities 8 -o runs/mine/skin",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("train", "spectral"),
+        "Train a network that predicts or completes mesh sequences (SpecTrHuMS), or siMLPe on their joints.",
+        ("mesh",), "checkpoint",
+        "pumps train spectral --task predict --mesh runs/mine/skin -o runs/mine/train-spectral",
+        pipeline=False,
+        without=(
+            "points", "sigma_min_m", "sigma_max_m", "augment", "proportions", "balance", "cache_mb", "workers",
+            "activation_checkpointing",
+        ),
+    ),
+    Stage(
         ("weights", "average"),
         "Average several trainings that started from the same weights.",
         ("checkpoint",), "checkpoint",

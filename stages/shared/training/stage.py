@@ -10,6 +10,7 @@ import torch
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import read_checkpoint, write_checkpoint
+from data_schemas.clips import ClipReader
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.tpc import TpcReader
@@ -40,7 +41,7 @@ def window_pools(
         return training, training
 
 
-def data_of(*readers: TpcReader) -> TrainingData:
+def data_of(*readers: ClipReader) -> TrainingData:
     """The facts of the clips that are trained on: those of the split `train` in all artefacts."""
     return training_data([row for reader in readers for row in reader.clips if row.split == "train"])
 
@@ -76,8 +77,9 @@ def finish(
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
+    points = "" if "connectivity" in network else f" of {config.points} points"  # meshes have none
     measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
-    card = _card(stage, config, trainings, trained.best_step, licences, count, measured)
+    card = _card(stage, config, trainings, trained.best_step, licences, count, measured, points)
     with write_artefact(
         config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
     ) as draft:
@@ -122,6 +124,7 @@ def _card(
     licences: Sequence[str],
     count: int,
     measured: Mapping[str, Any],
+    points: str,
 ) -> str:
     last = trainings[-1]
     lines = [
@@ -132,8 +135,8 @@ def _card(
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
         *[f"- Started from: weights of {_told(each)}{_on_other(each, last)}." for each in reversed(trainings[:-1])],
-        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames of "
-        f"{config.points} points, seed {config.seed}.",
+        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames"
+        f"{points}, seed {config.seed}.",
         "",
         f"Validation of these weights, at step {best_step}:",
         "",
