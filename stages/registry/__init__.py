@@ -14,7 +14,7 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + tools.STAGES
 PANELS = {
     "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
     "Data": ("data", "ingest", "artefact"),
-    "Meshes": ("skin",),
+    "Meshes": ("skin", "simulate-cloth", "predict-mesh", "complete-mesh", "export-mesh"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
     "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
 }

@@ -51,6 +51,32 @@ STAGES: tuple[Stage, ...] = (
         arguments=("input",), pipeline=False,
     ),
     Stage(
+        ("simulate-cloth",),
+        "Simulate a sheet of cloth that hangs from two points, many times.",
+        (), "mesh", "pumps simulate-cloth --count 100 -o runs/mine/cloth",
+        pipeline=False,
+    ),
+    Stage(
+        ("predict-mesh",),
+        "Predict how mesh sequences go on.",
+        ("mesh", "checkpoint"), "mesh",
+        "pumps predict-mesh --mesh runs/mine/skin --weights runs/mine/train-spectral -o runs/mine/predicted",
+        pipeline=False,
+    ),
+    Stage(
+        ("complete-mesh",),
+        "Complete mesh sequences between known frames and a known last one.",
+        ("mesh", "checkpoint"), "mesh",
+        "pumps complete-mesh --mesh runs/mine/skin --weights runs/mine/completer -o runs/mine/completed",
+        pipeline=False,
+    ),
+    Stage(
+        ("export-mesh",),
+        "Write a mesh sequence as a GLB with skin, or as a page that plays bodies.",
+        ("mesh",), "GLB, HTML", "pumps export-mesh runs/mine/skin -o bodies.html",
+        arguments=("input",), pipeline=False, writes_file=True,
+    ),
+    Stage(
         ("train", "spectral"),
         "Train a network that predicts or completes mesh sequences (SpecTrHuMS), or siMLPe on their joints.",
         ("mesh",), "checkpoint",
@@ -115,6 +141,13 @@ STAGES: tuple[Stage, ...] = (
         "Measure filters and networks that clean noisy motion, on held-out clips of one rig: PUMPS Table 4.",
         ("tpc", "checkpoint"), "metrics",
         "pumps measure denoise --tpc runs/mine/sample-tpc --weights mine=runs/mine/cleaner -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "spectral"),
+        "Measure predictions of mesh sequences on held-out clips: SpecTrHuMS' Tables 1 to 4.",
+        ("mesh", "checkpoint"), "metrics",
+        "pumps measure spectral --mesh runs/mine/skin --weights mine=runs/mine/train-spectral -o runs/mine/measured",
         pipeline=False,
     ),
     Stage(
