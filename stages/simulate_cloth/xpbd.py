@@ -33,7 +33,7 @@ class Settings:
     """
 
     step_s: float = 1 / 2000
-    iterations: int = 2
+    iterations: int = 8
     thickness_m: float = 0.02
     shear_compliance: float = 0.02
     bend_compliance: float = 0.5

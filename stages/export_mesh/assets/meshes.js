@@ -59,7 +59,7 @@ function load(name) {
     return { ...each, array, buffer, vertices: values.length / each.frames / 3 };
   });
   target = low.map((value, i) => (value + high[i]) / 2);
-  distance = 1.4 * Math.hypot(...low.map((value, i) => high[i] - value));
+  distance = 1.0 * Math.hypot(...low.map((value, i) => high[i] - value));
   pick("names").replaceChildren(...shown.map(each => {
     const label = document.createElement("span"); label.textContent = each.whose; return label;
   }));
