@@ -18,7 +18,7 @@ from stages.simulate_cloth.collisions import near_pairs
 from stages.simulate_cloth.sheet import Sheet, coloured
 
 GRAVITY = 9.81
-_CONTACT_MARGIN = 1.1  # contacts act from this multiple of the thickness on, so that it is never undercut
+_CONTACT_MARGIN = 1.3  # contacts act from this multiple of the thickness on; threads, solved later, undo some of it
 _BROAD = 2.5  # candidates are searched up to this multiple of the contact distance
 _DRAG = 0.4  # share of its velocity that cloth loses to the air in a second
 
@@ -153,7 +153,11 @@ class ClothSolver:
             self.places -= apart * over[:, None]
 
     def _collide(self, before: np.ndarray) -> None:
-        """Push apart vertices nearer than the contact distance, each pair by half, averaged over a vertex's pairs."""
+        """Push apart vertices nearer than the contact distance, averaged over a vertex's pairs.
+
+        The push changes places and not velocities: `before` is moved as well. Of the velocities only the approach is
+        taken away. So contacts add no kinetic energy.
+        """
         reach = _CONTACT_MARGIN * self.settings.thickness_m
         self._travelled += 2 * np.sqrt(((self.places - before) ** 2).sum(1).max())
         if self._candidates is None or self._travelled > (_BROAD - 1) * reach:
@@ -161,23 +165,28 @@ class ClothSolver:
             free = ~np.isin(one * len(self.places) + other, self._linked)
             self._candidates, self._travelled = (sims[free], one[free], other[free]), 0.0
         sims, one, other = self._candidates
-        if not len(sims):
-            return
         apart = self.places[one, :, sims] - self.places[other, :, sims]
         length = np.sqrt((apart * apart).sum(1))
         near = length < reach
         if not near.any():
             return
         sims, one, other, apart, length = sims[near], one[near], other[near], apart[near], length[near]
-        inverse = self._inverse[one, sims], self._inverse[other, sims]
-        push = apart * ((reach - length) / np.maximum(length * (inverse[0] + inverse[1]), 1e-12))[:, None]
-        shape, moved = self.places.shape, np.zeros_like(self.places)
-        many = np.zeros((shape[0], shape[2]))
-        np.add.at(moved, (one, slice(None), sims), push * inverse[0][:, None])
-        np.add.at(moved, (other, slice(None), sims), -push * inverse[1][:, None])
+        normal = apart / np.maximum(length, 1e-12)[:, None]
+        moved = self.places - before
+        approach = np.minimum(((moved[one, :, sims] - moved[other, :, sims]) * normal).sum(1), 0.0)
+        inverse = np.stack([self._inverse[one, sims], -self._inverse[other, sims]])
+        inverse /= np.maximum(np.abs(inverse).sum(axis=0), 1e-12)
+        many = np.zeros_like(self._inverse)
         np.add.at(many, (one, sims), 1.0)
         np.add.at(many, (other, sims), 1.0)
-        self.places += moved / np.maximum(many, 1.0)[:, None]
+        for amount, parts in ((reach - length, (self.places, before)), (-approach, (self.places,))):
+            change = np.zeros_like(self.places)
+            push = normal * amount[:, None]
+            np.add.at(change, (one, slice(None), sims), push * inverse[0][:, None])
+            np.add.at(change, (other, slice(None), sims), push * inverse[1][:, None])
+            change /= np.maximum(many, 1.0)[:, None]
+            for part in parts:
+                part += change
 
 
 def _groups(pairs: np.ndarray, lengths: np.ndarray) -> list[_Group]:
