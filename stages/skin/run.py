@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
-from data_schemas.mesh import MeshWriter
+from data_schemas.manifest import Artefact
+from data_schemas.mesh import MeshReader, MeshWriter
 from data_schemas.skinned_body import Body, Skin, Topology, skinned_vertices
 from stages.shared.contract import StageReport
 from stages.shared.kinematics.resampling import resample
@@ -34,29 +36,29 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     check_artefact(config, "mesh")
     progress.start("Loading the body model")
-    model = load_anny()
-    shapes = draw_shapes(config.identities, config.seed)
-    bodies = {f"body-{number}": model.body(shape) for number, shape in enumerate(shapes)}
-    skin = model.topology.skin
+    wardrobe = _of_artefact(config.bodies, config.identities) if config.bodies is not None else _of_anny(config)
+    bodies, skin = wardrobe.bodies, wardrobe.topology.skin
     assert skin is not None
     rigs = {name: rig_of_body(skin, body) for name, body in bodies.items()}
-    topology = _with_joints(model.topology, list(bodies.values()), next(iter(rigs.values())))
+    topology = wardrobe.topology
+    if not topology.joints.names:
+        topology = _with_joints(topology, list(bodies.values()), next(iter(rigs.values())))
     lines: list[str] = []
     frames = clips = 0
     with opened_motions(config) as motions:
         inputs = [motions.artefact] if motions.artefact is not None else [config.input]
         with (
             write_artefact(
-                config.output, "mesh", stage="skin", config=config, inputs=inputs, licences=[LICENCE]
+                config.output, "mesh", stage="skin", config=config, inputs=[*inputs, *wardrobe.inputs],
+                licences=wardrobe.licences,
             ) as draft,
             MeshWriter(draft.folder, topology) as writer,
         ):
             for name, body in bodies.items():
                 writer.add_body(name, body)
-            worn = np.random.default_rng((config.seed, 1)).integers(len(bodies), size=len(motions.rows))
+            worn = np.random.default_rng((config.seed, 1)).choice(list(bodies), size=len(motions.rows))
             progress.start("Putting motions on bodies", total=len(motions.rows))
-            for row, which, (source, motion) in zip(motions.rows, worn, motions.each, strict=True):
-                name = f"body-{which}"
+            for row, name, (source, motion) in zip(motions.rows, worn.tolist(), motions.each, strict=True):
                 motion = resample(motion, config.fps)
                 try:
                     rotations, heads = put_on_body(source, motion, rigs[name])
@@ -85,6 +87,31 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         lines=[f"{said}, {topology.count} vertices, {len(topology.joints.names)} joints.", *lines],
         figures=figures,
     )
+
+
+@dataclass(frozen=True)
+class _Wardrobe:
+    """Bodies to wear, by id, and where they are from."""
+
+    topology: Topology
+    bodies: dict[str, Body]
+    inputs: tuple[Artefact, ...] = ()
+    licences: tuple[str, ...] = ()
+
+
+def _of_anny(config: Config) -> _Wardrobe:
+    model = load_anny()
+    shapes = draw_shapes(config.identities, config.seed)
+    bodies = {f"body-{number}": model.body(shape) for number, shape in enumerate(shapes)}
+    return _Wardrobe(model.topology, bodies, licences=(LICENCE,))
+
+
+def _of_artefact(path: Path, count: int) -> _Wardrobe:
+    with MeshReader(path) as reader:
+        if reader.topology.skin is None or not reader.bodies():
+            raise InputError(f"{path} holds no bodies with bones.", "Give what `pumps skin` wrote.")
+        bodies = {name: reader.body(name) for name in reader.bodies()[:count]}
+        return _Wardrobe(reader.topology, bodies, (reader.artefact,))
 
 
 def _with_joints(topology: Topology, bodies: list[Body], rig: BodyRig) -> Topology:
