@@ -124,13 +124,13 @@ def test_annys_bodies_stand_and_skin_as_anny_does() -> None:
     with torch.no_grad():
         coefficients = model._model.get_phenotype_blendshape_coefficients(**dict.fromkeys(SHAPES, 0.5))
         rest = model._model.get_rest_model(coefficients)
-        bone_transforms = torch.eye(4).repeat(1, len(skin.names), 1, 1)
-        matrix = torch.from_numpy(z_up @ turn.as_matrix() @ z_up.T).float()
-        head = rest["rest_bone_poses"][0, bone, :3, 3]
+        bone_transforms = torch.eye(4, dtype=torch.float64).repeat(1, len(skin.names), 1, 1)
+        matrix = torch.from_numpy(z_up @ turn.as_matrix() @ z_up.T)
+        head = rest["rest_bone_poses"][0, bone, :3, 3].double()
         bone_transforms[0, below, :3, :3] = matrix
         bone_transforms[0, below, :3, 3] = head - matrix @ head
         theirs = model._model.get_skinned_vertices(
-            bone_transforms=bone_transforms, rest_vertices=rest["rest_vertices"]
+            bone_transforms=bone_transforms.to(rest["rest_vertices"].dtype), rest_vertices=rest["rest_vertices"]
         )[0].numpy()
     assert np.abs(theirs[:, [0, 2, 1]] * (1, 1, -1) - ours).max() < 1e-3
 
