@@ -100,7 +100,9 @@ class MeshWriter(ClipWriter):
         Raises: InputError for a body that was not added, arrays of other shapes, or values that are not finite.
         """
         if self.topology.skin is None or row.skeleton not in self._known:
-            raise InputError(f"The clip {row.clip!r} names the body {row.skeleton!r}, which was not added with bones.")
+            raise InputError(
+                f"The clip {row.clip!r} names the body {row.skeleton!r}, which was not added with bones."
+            )
         bones = len(self.topology.skin.names)
         for name, values, shape in (
             ("rotations", rotations, (row.frames, bones, 4)), ("heads", heads, (row.frames, bones, 3)),

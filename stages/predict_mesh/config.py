@@ -14,7 +14,9 @@ class Config(WritingConfig, DeviceConfig):
 
     mesh: Path = Field(description="The mesh artefact whose clips go on.")
     weights: Path = Field(description="Checkpoint of `pumps train spectral --task predict`.")
-    output: Path = Field(description="Folder of the mesh artefact: each clip's known frames, then the predicted ones.")
+    output: Path = Field(
+        description="Folder of the mesh artefact: each clip's known frames, then the predicted ones."
+    )
     frames: int = Field(
         25,
         json_schema_extra=OFTEN,

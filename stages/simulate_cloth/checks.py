@@ -32,7 +32,7 @@ class ClothChecks:
 def check_frames(frames: np.ndarray, sheet: Sheet, pins: np.ndarray, thickness_m: float) -> ClothChecks:
     """Measure places (S, T, N, 3) metres with the pins (S, 2)."""
     strains = np.abs(distances(frames, sheet.edges) / sheet.lengths - 1)
-    sims, times, count, _ = frames.shape
+    _sims, _times, count, _ = frames.shape
     numbers, one, other = near_pairs(frames.reshape(-1, count, 3), _GUARD * thickness_m)
     edges = set((sheet.edges[:, 0].astype(int) * count + sheet.edges[:, 1]).tolist())
     free = ~np.isin(one * count + other, list(edges))

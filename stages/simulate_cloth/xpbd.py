@@ -136,15 +136,13 @@ class ClothSolver:
         inverse_one, inverse_other = self._inverse[group.first], self._inverse[group.second]
         apart = one - other
         length = np.sqrt((apart * apart).sum(1))
-        scale = (length - group.lengths) / np.maximum(
-            length * (inverse_one + inverse_other + compliance), 1e-12
-        )
+        scale = (length - group.lengths) / np.maximum(length * (inverse_one + inverse_other + compliance), 1e-12)
         apart *= scale[:, None]
         self.places[group.first] = one - apart * inverse_one[:, None]
         self.places[group.second] = other + apart * inverse_other[:, None]
 
     def _tether(self) -> None:
-        """Hold every vertex within its way along the sheet from each pin (long range attachments, Kim et al. 2012)."""
+        """Hold every vertex within its way along threads from each pin (long range attachments, Kim et al. 2012)."""
         for which in (0, 1):
             apart = self.places - self._anchors[which]
             length = np.sqrt((apart * apart).sum(1))
@@ -196,5 +194,7 @@ def _groups(pairs: np.ndarray, lengths: np.ndarray) -> list[_Group]:
 def _tethers(sheet: Sheet, pins: np.ndarray) -> np.ndarray:
     """(2, N, S) shortest way along threads from each vertex to each pin, metres."""
     count = len(sheet.vertices)
-    graph = sparse.csr_matrix((sheet.lengths[: sheet.threads], tuple(sheet.edges[: sheet.threads].T)), shape=(count, count))
+    graph = sparse.csr_matrix(
+        (sheet.lengths[: sheet.threads], tuple(sheet.edges[: sheet.threads].T)), shape=(count, count)
+    )
     return np.stack([dijkstra(graph, directed=False, indices=pins[:, which]).T for which in (0, 1)])

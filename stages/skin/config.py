@@ -19,7 +19,8 @@ class Config(WritingConfig, SeededConfig):
         1, json_schema_extra=OFTEN, description="Bodies to draw; 1 for the neutral adult. A clip gets one.", ge=1
     )
     bodies: Path | None = Field(
-        None, description="A mesh artefact whose bodies are worn, instead of anny's; --identities takes the first ones."
+        None,
+        description="A mesh artefact whose bodies are worn, instead of anny's; --identities takes the first ones.",
     )
     fps: float = Field(25.0, json_schema_extra=OFTEN, description="Frame rate to which clips are resampled.", gt=0)
     root: Literal["removed", "kept"] = Field(

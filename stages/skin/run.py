@@ -49,7 +49,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         inputs = [motions.artefact] if motions.artefact is not None else [config.input]
         with (
             write_artefact(
-                config.output, "mesh", stage="skin", config=config, inputs=[*inputs, *wardrobe.inputs],
+                config.output,
+                "mesh",
+                stage="skin",
+                config=config,
+                inputs=[*inputs, *wardrobe.inputs],
                 licences=wardrobe.licences,
             ) as draft,
             MeshWriter(draft.folder, topology) as writer,
@@ -118,7 +122,7 @@ def _with_joints(topology: Topology, bodies: list[Body], rig: BodyRig) -> Topolo
     """The topology with the regressor of the joints of the body; fingers have none."""
     assert topology.skin is not None
     bones = [bone for bone, joint in enumerate(rig.joints) if rig.skeleton.sampled[joint]]
-    fitted = bodies[: _MOST_FITTED]
+    fitted = bodies[:_MOST_FITTED]
     return replace(topology, joints=fit_joint_regressor(topology.skin, fitted, bones))
 
 

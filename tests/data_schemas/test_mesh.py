@@ -64,7 +64,9 @@ def test_a_linear_map_of_vertices_needs_no_vertices() -> None:
     topology, body = arm()
     rotations, heads = arm_poses(6)
     mapping = np.random.default_rng(0).normal(size=(5, topology.count)).astype(np.float32)
-    mapped = np.einsum("tjab,jmb->tma", bone_matrices(body, rotations, heads), mapped_skin(topology.skin, body, mapping))
+    mapped = np.einsum(
+        "tjab,jmb->tma", bone_matrices(body, rotations, heads), mapped_skin(topology.skin, body, mapping)
+    )
     direct = np.einsum("mn,tnd->tmd", mapping, skinned_vertices(topology.skin, body, rotations, heads))
     assert np.abs(mapped - direct).max() < 1e-3 * np.abs(direct).max()
 

@@ -15,10 +15,11 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     mesh: Path = Field(description="The mesh artefact with the clips.")
     weights: tuple[str, ...] = Field(
         (),
-        description="NAME=FOLDER of a checkpoint of `pumps train spectral --task predict`; each is a row of the table.",
+        description="NAME=FOLDER of a checkpoint of `pumps train spectral --task predict`; each is a row.",
     )
     pumps: str | None = Field(
-        None, description="Weights of `pumps infill`, which predict the skeleton, skinned afterwards; none by default."
+        None,
+        description="Weights of `pumps infill`, which predict the skeleton, skinned afterwards; none by default.",
     )
     output: Path = Field(description="Folder of the metrics artefact.")
     splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")

@@ -150,9 +150,7 @@ class SkeletonMethod:
         if self.removed:
             rotations, heads = rig.without_root(rotations, heads)
         joints = views.joints.of_bones(row.skeleton, rotations, heads) if views.joints is not None else None
-        return Predicted(
-            joints, lambda frames: skinned_vertices(skin, body, rotations[frames], heads[frames])
-        )
+        return Predicted(joints, lambda frames: skinned_vertices(skin, body, rotations[frames], heads[frames]))
 
 
 def methods_of(config: Config, reader: MeshReader) -> tuple[dict[str, Method], list[Path]]:

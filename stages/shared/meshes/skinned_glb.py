@@ -50,9 +50,7 @@ def glb_of_body(
     tracks = [(0, "translation", heads[:, 0]), *((bone, "rotation", local[:, bone]) for bone in range(bones))]
     for bone, path, values in tracks:
         output = document.add(values.astype(np.float32))
-        animation.samplers.append(
-            gltf.AnimationSampler(input=times, output=output, interpolation=gltf.ANIM_LINEAR)
-        )
+        animation.samplers.append(gltf.AnimationSampler(input=times, output=output, interpolation=gltf.ANIM_LINEAR))
         target = gltf.AnimationChannelTarget(node=bone, path=path)
         animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
     document.out.animations = [animation]

@@ -39,7 +39,7 @@ class Config(TrainingConfig):
     keep: Literal["best", "last"] = Field(
         "best",
         json_schema_extra=OFTEN,
-        description="Which weights to keep: those of the least error on validation clips (early stopped), or the last.",
+        description="Weights to keep: those of the least error on validation clips (early stopped), or the last.",
     )
     network: SpectralSizes = SpectralSizes()
     joint_network: JointMlpSizes = JointMlpSizes()

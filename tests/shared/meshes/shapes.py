@@ -46,7 +46,10 @@ def arm(around: int = 8, along: int = 12) -> tuple[Topology, Body]:
     )  # fmt: skip
     ring = np.flatnonzero(np.abs(vertices[:, 1] - height[along // 2]) < 1e-6)
     regressor = JointRegressor(
-        ("elbow",), np.zeros(len(ring), np.int32), ring.astype(np.int32), np.full(len(ring), 1 / len(ring), np.float32)
+        ("elbow",),
+        np.zeros(len(ring), np.int32),
+        ring.astype(np.int32),
+        np.full(len(ring), 1 / len(ring), np.float32),
     )
     topology = Topology(np.array(faces, np.int32), len(vertices), regressor, skin)
     return topology, Body(vertices.astype(np.float32), np.array([[0, 0, 0], [0, 0.5, 0]], np.float64))

@@ -24,7 +24,7 @@ from tests.shared.meshes.shapes import arm, ball, grid
 def test_melv_is_blind_to_rigid_movement_and_counts_scale() -> None:
     vertices, faces = ball(60)
     edges, _ = edges_of(faces)
-    moved = Rotation.from_rotvec((0.3, 1, 2)).apply(vertices) + (5, 0, 1)
+    moved = (*Rotation.from_rotvec((0.3, 1, 2)).apply(vertices), 5, 0, 1)
     mean = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1).mean()
     found = melv_mm(np.stack([moved, 1.1 * vertices, 0.9 * vertices]), vertices, edges)
     assert found[0] < 1e-3 and np.allclose(found[1:], 100 * mean, rtol=1e-4)
@@ -40,8 +40,8 @@ def test_errors_by_hand() -> None:
     true = np.zeros((2, 4, 3))
     true[:, 1:] = np.array([[3, 0, 0], [0, 4, 0], [3, 4, 0]])
     assert np.allclose(box_diagonal(true), 5)
-    assert np.allclose(rmse_share(true + (0.5, 0.5, 0.5), true), 0.1)
-    assert np.allclose(mpjpe_mm(true + (0.003, 0.004, 0), true), 5)
+    assert np.allclose(rmse_share((*true, 0.5, 0.5, 0.5), true), 0.1)
+    assert np.allclose(mpjpe_mm((*true, 0.003, 0.004, 0), true), 5)
     assert np.allclose(averaged_until(np.array([1.0, 3.0, 5.0])), [1, 2, 3])
 
 
@@ -63,7 +63,10 @@ def test_the_regressor_is_exact_on_the_identities_it_was_fitted_to() -> None:
 
 
 def test_views_of_bones_and_of_vertices_agree(tmp_path: Path) -> None:
-    with MeshReader(write_arms(tmp_path / "m", clips=1)) as dense, MeshReader(write_arms(tmp_path / "n", clips=2)) as both:
+    with (
+        MeshReader(write_arms(tmp_path / "m", clips=1)) as dense,
+        MeshReader(write_arms(tmp_path / "n", clips=2)) as both,
+    ):
         mapping = np.random.default_rng(0).normal(size=(6, dense.topology.count)).astype(np.float32)
         one, other = (LinearView(reader, mapping).window("arm-0", 3, 30) for reader in (dense, both))
         assert not dense.is_skinned("arm-0") and both.is_skinned("arm-0")
@@ -71,7 +74,10 @@ def test_views_of_bones_and_of_vertices_agree(tmp_path: Path) -> None:
 
 
 def test_windows_are_listed_once_each_and_short_clips_left_out() -> None:
-    rows = [ClipRow(name, name, "", "", frames, 25.0, 1.0, "train", "") for name, frames in (("a", 20), ("b", 9), ("c", 13))]
+    rows = [
+        ClipRow(name, name, "", "", frames, 25.0, 1.0, "train", "")
+        for name, frames in (("a", 20), ("b", 9), ("c", 13))
+    ]
     listed = WindowList(rows, 10, 3)
     found = [(listed[i].clip, listed[i].start, listed[i].stop) for i in range(len(listed))]
     assert found == [("a", 0, 10), ("a", 3, 13), ("a", 6, 16), ("a", 9, 19), ("c", 0, 10), ("c", 3, 13)]

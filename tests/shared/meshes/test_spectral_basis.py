@@ -58,7 +58,7 @@ def test_signs_and_order_are_fixed_from_call_to_call() -> None:
 
 
 def test_rows_follow_the_vertices_when_they_are_numbered_anew() -> None:
-    vertices, faces = ball(50)
+    _vertices, faces = ball(50)
     new = np.random.default_rng(3).permutation(50)
     basis, _ = spectral_basis(faces, 50, 10)
     other, _ = spectral_basis(new[faces], 50, 10)

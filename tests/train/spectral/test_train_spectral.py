@@ -121,7 +121,7 @@ def test_weights_of_another_task_or_mesh_are_refused(folder: Path, tmp_path: Pat
     simulate(ClothConfig(output=tmp_path / "cloth", count=1, seconds=0.04, rows=5, size_m=0.3))
     with pytest.raises(InputError, match="another connectivity"):
         predict(PredictConfig(**{**given, "mesh": tmp_path / "cloth"}, weights=folder / "predictor"))
-    with pytest.raises(InputError, match="No clip of .* has the 10 known frames"):
+    with pytest.raises(InputError, match=r"No clip of .* has the 10 known frames"):
         predict(PredictConfig(**given, weights=folder / "predictor", until=9))
     assert not (tmp_path / "x").exists()
 

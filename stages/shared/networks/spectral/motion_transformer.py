@@ -28,9 +28,7 @@ class MotionTransformer(nn.Module):
         layer = nn.TransformerEncoderLayer(
             width, sizes.heads, sizes.feedforward, sizes.dropout, activation="gelu", batch_first=True
         )
-        self.layers = nn.TransformerEncoder(
-            layer, sizes.layers, norm=nn.LayerNorm(width), enable_nested_tensor=False
-        )
+        self.layers = nn.TransformerEncoder(layer, sizes.layers, norm=nn.LayerNorm(width), enable_nested_tensor=False)
 
     def forward(self, latents: Tensor) -> Tensor:
         return self.out(self.layers(self.embed(latents) + self.positions[: latents.shape[1]]))
