@@ -15,7 +15,8 @@ _TRAINING = (
 )
 _SPECTRAL = (
     "--window 5 --stride 1 --steps 2 --static-steps 1 --batch 2 --warmup 1 --validate-every 2 --checkpoint-every 1 "
-    "--network.channels 4 --network.latent 8 --network.heads 2 --network.layers 1 --network.feedforward 8 --device cpu"
+    "--network.channels 4 --network.latent 8 --network.heads 2 --network.layers 1 --network.feedforward 8 "
+    "--device cpu"
 )
 _LAYERS = "--synthesiser.key-layers 1 --synthesiser.fill-layers 1 --synthesiser.frame-layers 1"
 _ALL = "--splits train --splits val --splits test"
@@ -172,7 +173,10 @@ WRITINGS = (
         "walks --catalogue {made}/catalogue.toml --acceptances {made}/accepted.json --accept-licence -o {out}",
         replaces=False,
     ),
-    Writing("cloth", "simulate-cloth", "--count 3 --seconds 0.2 --rows 5 --size-m 0.3 --steps-per-second 200 -o {out}"),
+    Writing(
+        "cloth", "simulate-cloth",
+        "--count 3 --seconds 0.2 --rows 5 --size-m 0.3 --steps-per-second 200 -o {out}",
+    ),
     Writing(
         "predictor", "train spectral",
         f"--mesh {{made}}/cloth --eigenvectors 8 --known 3 {_SPECTRAL} -o {{out}}",

@@ -13,16 +13,19 @@ from data_schemas.manifest import open_artefact
 from data_schemas.mesh import MeshReader
 from data_schemas.metrics import MetricRow, write_metrics
 from stages.measure.spectral.config import Config
-from stages.measure.spectral.methods import TRUTH, MeshViews, Predicted, methods_of, true_window
+from stages.measure.spectral.methods import TRUTH, MeshViews, Predicted, SpectralMethod, methods_of, true_window
 from stages.measure.spectral.summary import MethodValues, summary_md, times_of
 from stages.shared.contract import StageReport
 from stages.shared.meshes.graph import edges_of
 from stages.shared.meshes.measures import averaged_until, melv_mm, mpjpe_mm, rmse_share
+from stages.shared.meshes.spectral_basis import compaction
 from stages.shared.meshes.windows import MeshWindow, WindowList
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.tasks import PREDICTION
 
+SIZES = (16, 32, 64, 128, 256, 512, 1024)  # numbers of coefficients whose error is shown
+_MESHES = 24  # over which it is taken
 METRICS = {"mpjpe": "mpjpe_mm", "until": "mpjpe_until_mm", "melv": "melv_mm", "rmse": "rmse_share"}
 
 
@@ -71,8 +74,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             for clip, numbers in clips.items()
             for at, frame in enumerate(frames)
         ]  # fmt: skip
+        meshes = np.concatenate([_last_known(views, each) for each in windows[:: -(-len(windows) // _MESHES)]])
+        held = {
+            name: compaction(each.weights.basis, meshes, SIZES)
+            for name, each in methods.items()
+            if isinstance(each, SpectralMethod)
+        }
         inputs = [reader.artefact, *(open_artefact(path, "checkpoint") for path in paths)]
-    summary = summary_md(values, times, len(windows), config.ahead, rates[0])
+    summary = summary_md(values, times, len(windows), config.ahead, rates[0], held)
     with write_artefact(config.output, "metrics", stage="measure-spectral", config=config, inputs=inputs) as draft:
         draft.summary |= {"windows": len(windows), "clips": len(clips), "methods": [*methods]}
         write_metrics(draft.folder, rows, summary)
@@ -83,6 +92,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
 
 
+def _last_known(views: MeshViews, window: MeshWindow) -> np.ndarray:
+    """(1, N, 3) metres."""
+    stop = window.start + views.known
+    return views.reader.vertices(window.clip, stop - 1, stop)
+
+
 class _Truth:
     """joints, vertices: of the window at the measured frames. last: the last known mesh."""
 
@@ -91,8 +106,7 @@ class _Truth:
         assert true.vertices is not None
         self.joints = true.joints
         self.vertices = true.vertices(frames)
-        at = window.start + views.known
-        self.last = views.reader.vertices(window.clip, at - 1, at)[0]
+        self.last = _last_known(views, window)[0]
 
 
 def _measure(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from stages.shared.meshes.spectral_basis import Compaction
 from stages.shared.statistics.table import Entry, Row, Table
 
 # The paper's times in milliseconds.
@@ -35,8 +36,15 @@ def times_of(ahead: int, fps: float) -> tuple[list[int], np.ndarray]:
     return kept, np.array([frames[ms] for ms in kept], int)
 
 
-def summary_md(values: Mapping[str, MethodValues], times: Sequence[int], windows: int, ahead: int, fps: float) -> str:
-    """Markdown of all tables."""
+def summary_md(
+    values: Mapping[str, MethodValues],
+    times: Sequence[int],
+    windows: int,
+    ahead: int,
+    fps: float,
+    held: Mapping[str, Sequence[Compaction]],
+) -> str:
+    """Markdown of all tables; `held` is what the lowest coefficients hold of true meshes, by the weights' names."""
     lines = [f"{windows} windows of held-out clips.", ""]
     for title, name, digits, deviation in (
         ("MPJPE at each time, mm (Table 1)", "mpjpe", 1, False),
@@ -55,6 +63,22 @@ def summary_md(values: Mapping[str, MethodValues], times: Sequence[int], windows
         if rows:
             table = Table(("method",), tuple(f"{ms} ms" for ms in times), tuple(rows))
             lines += [f"## {title}", "", *table.markdown(), ""]
+    for name, found in held.items():
+        rows = [
+            Row(
+                (str(each.size),),
+                (Entry(f"{each.energy:.5f}"), Entry(f"{each.rmse_mm:.2f}"), Entry(f"{each.worst_mm:.1f}")),
+            )
+            for each in found
+        ]
+        if rows:
+            table = Table(("coefficients",), ("energy", "error, mm RMS", "worst vertex, mm"), tuple(rows))
+            lines += [
+                f"## True meshes from the lowest coefficients of the basis of {name}",
+                "",
+                *table.markdown(),
+                "",
+            ]
     fast = [
         f"- {method}: {windows * ahead / fps / each.seconds:.1f} times real time."
         for method, each in values.items()
