@@ -180,15 +180,15 @@ class ClothSolver:
         for amount, parts in ((reach - length, (self.places, before)), (-approach, (self.places,))):
             change = np.zeros_like(self.places)
             push = normal * amount[:, None]
-            np.add.at(change, (one, slice(None), sims), push * inverse[0][:, None])
-            np.add.at(change, (other, slice(None), sims), push * inverse[1][:, None])
+            np.add.at(change.transpose(0, 2, 1), (one, sims), push * inverse[0][:, None])
+            np.add.at(change.transpose(0, 2, 1), (other, sims), push * inverse[1][:, None])
             change /= np.maximum(many, 1.0)[:, None]
             for part in parts:
                 part += change
 
 
 def _groups(pairs: np.ndarray, lengths: np.ndarray) -> list[_Group]:
-    return [_Group(*pairs[chosen].T.copy(), lengths[chosen][:, None]) for chosen in coloured(pairs)]
+    return [_Group(pairs[chosen, 0], pairs[chosen, 1], lengths[chosen][:, None]) for chosen in coloured(pairs)]
 
 
 def _tethers(sheet: Sheet, pins: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import logging
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,7 @@ def load_anny() -> BodyModel:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             logging.getLogger("anny").setLevel(logging.ERROR)
-            import anny
-
+            anny = import_module("anny")
             model = anny.Anny(rig=RIG, topology="anny", phenotype_blendshapes="original", skinning_method="lbs")
     except ImportError as error:
         raise PumpsError(

@@ -64,8 +64,8 @@ def rig_of_body(skin: Skin, body: Body) -> BodyRig:
     rig = SourceRig(
         names=skin.names,
         parents=tuple(int(parent) for parent in skin.parents),
-        offsets=tuple(tuple(float(v) for v in each) for each in offsets),
-        end_sites=tuple(tuple(float(v) for v in each) for each in ends),
+        offsets=_places(offsets),
+        end_sites=_places(ends),
         placed=tuple(bone == 0 for bone in range(len(skin.names))),
         unit_m=1.0,
         up_axis="y",
@@ -76,6 +76,10 @@ def rig_of_body(skin: Skin, body: Body) -> BodyRig:
     joints = np.array([standing.skeleton.names.index(name) for name in skin.names])
     root = int(np.flatnonzero(joints == standing.skeleton.root)[0])
     return BodyRig(standing.skeleton, joints, root, body.heads)
+
+
+def _places(points: np.ndarray) -> tuple[tuple[float, float, float], ...]:
+    return tuple((x, y, z) for x, y, z in points.tolist())
 
 
 def put_on_body(source: Skeleton, motion: Motion, rig: BodyRig) -> tuple[np.ndarray, np.ndarray]:

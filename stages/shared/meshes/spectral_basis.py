@@ -75,7 +75,7 @@ def spectral_basis(faces: np.ndarray, count: int, size: int) -> tuple[SpectralBa
         values, vectors = eigh(matrix.toarray(), subset_by_index=[0, size - 1])
     else:
         start = np.random.default_rng(0).normal(size=count)
-        values, vectors = eigsh(matrix, k=size, sigma=_SHIFT, which="LM", v0=start, tol=1e-12)
+        values, vectors = eigsh(matrix, k=size, sigma=_SHIFT, which="LM", v0=start)
     order = np.argsort(values, kind="stable")
     values, vectors = values[order], vectors[:, order]
     values, vectors = _constant_on_components(values, vectors, graph)

@@ -42,7 +42,7 @@ class JointMlp(nn.Module):
             raise ValueError(f"siMLPe predicts as many frames as it sees ({known}) at most, not {ahead}")
         self.joints, self.known, self.ahead = joints, known, ahead
         width = 3 * joints
-        matrix = torch.from_numpy(dct(np.eye(known), axis=0, norm="ortho").astype(np.float32))
+        matrix = torch.from_numpy(np.asarray(dct(np.eye(known), axis=0, norm="ortho"), np.float32))
         self.register_buffer("transform", matrix)
         self.into, self.out = nn.Linear(width, width), nn.Linear(width, width)
         self.blocks = nn.Sequential(*(_Block(known, width) for _ in range(sizes.blocks)))
