@@ -18,6 +18,8 @@ SPECTRAL_STEPS ?= 60000
 SPECTRAL_CLOTHS ?= 2000
 SPECTRAL_WINDOWS ?= 0
 SPECTRAL_IDENTITIES ?= 32
+BODY_PARTS_STEPS   ?= 6000
+BODY_PARTS_WINDOWS ?= 200
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
@@ -44,3 +46,5 @@ SPECTRAL_PART = $(shell expr $(SPECTRAL_STEPS) / 20)
 WITH_spectral-tables = --with 'steps=$(SPECTRAL_STEPS)' --with 'third=$(shell expr $(SPECTRAL_STEPS) / 3)' --with 'static=$(SPECTRAL_PART)' --with 'validate=$(SPECTRAL_PART)' --with 'cloths=$(SPECTRAL_CLOTHS)' --with 'windows=$(SPECTRAL_WINDOWS)' --with 'identities=$(SPECTRAL_IDENTITIES)'
 spectral-tables: $(VENV)/installed-mesh
 	$(call made,spectral,,$(WITH_spectral-tables),$(UNTIL_SLICE))
+body-parts-table1 body-parts-table2 body-parts-table3: install
+	$(call made,body-parts,$(@:body-parts-%=%),--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')

@@ -21,6 +21,7 @@ GUARDS = {  # script: its flags
     "synthesiser_training": (),
     "training_step": ("--rounds", "2"),
     "reading": (),
+    "filling": ("--rounds", "2", "--minutes", "1", "3"),
     "durable_writes": (),
     "retargeting": (),
     "any_humanoid": ("--most", "20"),

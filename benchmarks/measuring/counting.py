@@ -43,6 +43,11 @@ class _Counter(TorchDispatchMode):
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
+        if torch.is_inference_mode_enabled() and func._overloadpacket not in flop_registry:
+            with self:  # in this mode an operation is called whole, and not as those that it consists of
+                parts = func.decompose(*args, **kwargs)
+            if parts is not NotImplemented:
+                return parts
         began = time.perf_counter()
         result = func(*args, **kwargs)
         name = str(func._overloadpacket)

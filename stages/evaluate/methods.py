@@ -19,7 +19,8 @@ from data_schemas.trainings import TrainingData, last_data
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
 from stages.evaluate.pose_methods import LoadedInterpolator, holds_interpolator, loaded_interpolator
-from stages.shared.inference.cloud_sources import CloudSource, ReconstructedClouds, SynthesisedClouds, TrueClouds
+from stages.shared.inference.cloud_interfaces import CloudSource
+from stages.shared.inference.cloud_sources import ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.networks.layers.device import choose_device

@@ -16,10 +16,11 @@ PANELS = {
     "Data": ("data", "ingest", "artefact"),
     "Meshes": ("skin", "simulate-cloth", "predict-mesh", "complete-mesh", "export-mesh"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
-    "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
+    "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),
 }
 
 GROUP_SUMMARIES = {
+    "body-parts": "Put bodies together from trained parts.",
     "data": "List and download public data sets; pick clips, or put them on other rigs.",
     "ingest": "Read recordings into a motion artefact.",
     "measure": "Measure one part: autoencoders, latents, the solver, motions.",

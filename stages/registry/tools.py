@@ -88,6 +88,17 @@ STAGES: tuple[Stage, ...] = (
         ),
     ),
     Stage(
+        ("train", "body-parts"),
+        "Train autoencoders of body parts, each by itself: whole, upper and lower, three or five parts.",
+        ("motion",), "checkpoint",
+        "pumps train body-parts --parts 5 --network ae --motion runs/mine/ingest -o runs/mine/parts-5",
+        pipeline=False,
+        without=(
+            "points", "sigma_min_m", "sigma_max_m", "augment", "proportions", "balance", "cache_mb", "warmup",
+            "cooldown", "mixed_precision", "activation_checkpointing",
+        ),
+    ),
+    Stage(
         ("weights", "average"),
         "Average several trainings that started from the same weights.",
         ("checkpoint",), "checkpoint",
@@ -151,6 +162,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "body-parts"),
+        "Measure autoencoders of body parts: on seen and unseen data, with noise, and which part harms which.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure body-parts --motion mine=runs/mine/ingest --weights 5=runs/mine/parts-5 -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",
@@ -180,6 +198,20 @@ STAGES: tuple[Stage, ...] = (
         "Show what is known about weights: licences, validation, what they are good and bad at.",
         ("checkpoint",), "", "pumps weights show tiny",
         arguments=("name",), pipeline=False,
+    ),
+    Stage(
+        ("body-parts", "compose"),
+        "Put a body together from trained parts, some of them more than once: a body with four arms.",
+        ("TOML", "checkpoint", "any format"), "BVH, GLB, npz, CSV, Parquet",
+        "pumps body-parts compose four_arms.toml -o four_arms.bvh",
+        arguments=("recipe",), pipeline=False,
+    ),
+    Stage(
+        ("stream",),
+        "Measure motion that is streamed in packets, some of them lost: parts' latents beside quantised rotations.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps stream --motion runs/mine/ingest --weights 5=runs/mine/parts-5 -o runs/mine/streamed",
+        pipeline=False,
     ),
     Stage(
         ("export",),

@@ -80,6 +80,7 @@ def test_a_full_disk(tmp_path: Path, disk: Path, catalogue: str) -> None:
     made.mkdir()
     (made / "catalogue.toml").write_text(catalogue)
     write_bodies(made / "boxes")
+    (made / "body.toml").write_text(f'weights = "{made / "parts"}"\nmotion = "{CLIPS / "kick.bvh"}"\n')
     (made / "rig.bvh").write_text((CLIPS / "kick.bvh").read_text().replace("-42.1546", "-45.5"))  # longer thighs
     ended = subprocess.run(
         [sys.executable, "-m", "tests.full_disk.forked_commands", str(made), str(disk), "empty", "half"],

@@ -84,6 +84,22 @@ WRITINGS = (
         "lifter", "train finetune",
         f"--task estimate --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
     ),
+    Writing(
+        "parts", "train body-parts",
+        "--motion {made}/motion --parts 5 --network vae --rate-hz 30 --blocks 1 --latent 30 --steps 2 --batch 2 "
+        "--window 16 --validate-every 2 --checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing(
+        "measured-parts", "measure body-parts",
+        "--motion clips={made}/motion --weights mine={made}/parts --splits train --seeds 1 --max-windows 2 "
+        "--device cpu -o {out}",
+    ),
+    Writing(
+        "streamed", "stream",
+        "--motion {made}/motion --weights mine={made}/parts --splits train --seeds 1 --max-clips 1 --loss 0.1 "
+        "--device cpu -o {out}",
+    ),
+    Writing("composed.bvh", "body-parts compose", "{made}/body.toml -o {out} --device cpu"),
     Writing("cleaned.bvh", "denoise", f"{CLIPS}/kick.bvh -o {{out}}"),
     Writing("keypoints.json", "project", f"{CLIPS}/kick.bvh -o {{out}}"),
     Writing("lifted.bvh", "estimate", "{made}/keypoints.json -o {out} --device cpu"),

@@ -8,7 +8,6 @@ from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.amass_write import NOT_SMPL, amass_of_motion, smpl_layout_of
 from stages.shared.formats.bvh_of_motion import bvh_of_motion
-from stages.shared.formats.gltf_write import glb_of_motion
 from stages.shared.formats.table_write import csv_of_motion, parquet_of_motion
 from stages.shared.humanoid.anatomy import anatomy_of
 from stages.shared.kinematics.forward_numpy import positions_of
@@ -43,6 +42,8 @@ def bytes_of_motion(
     if chosen == "bvh":
         return bvh_of_motion(skeleton, motion, name), []
     if chosen == "glb":
+        from stages.shared.formats.gltf_write import glb_of_motion  # its library takes long to load
+
         first = positions_of(skeleton, motion)[:1]
         rest = anatomy_of(skeleton, first, motion.rotations[:1].astype(float)).rest
         bind = "first" if rest == "no human pose" else "rest"

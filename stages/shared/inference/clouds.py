@@ -9,7 +9,8 @@ from data_schemas.skeleton import Skeleton
 from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.solve.skeleton_pose import SkeletonPose
 
-CHUNK_TOKENS = 1024  # bounds the memory of a long clip
+CHUNK_TOKENS = 1024  # placed or solved in one call
+BLOCK_TOKENS = 4 * CHUNK_TOKENS  # whose clouds are in memory at once: bounds the memory of a long clip
 
 
 def place_on_pose(drawn: DrawnPoints, pose: SkeletonPose, skeleton: Skeleton) -> Tensor:

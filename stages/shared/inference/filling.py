@@ -12,7 +12,9 @@ networks get wrong in the same way for both costs nothing. Every step takes and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +23,8 @@ from torch import Tensor
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.inference.cloud_sources import Clouds, CloudSource, Drawing, Scene
-from stages.shared.inference.clouds import CHUNK_TOKENS
+from stages.shared.inference.cloud_interfaces import Clouds, CloudSource, Drawing, Scene
+from stages.shared.inference.clouds import BLOCK_TOKENS, CHUNK_TOKENS
 from stages.shared.inference.confidence import Confidence, trust_of
 from stages.shared.inference.easing import ease_at_keys
 from stages.shared.inference.filled import Filled, measured_fill, nothing_to_fill
@@ -134,6 +136,26 @@ def fill_motion(
     known, fps = np.asarray(known, bool), motion.fps
     if known.all():
         return nothing_to_fill(motion)
+    solved, base, wander_m = _solved(skeleton, motion, known, source, points, seed, device, options)
+    # 3: finish
+    eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
+    plain = solved.plain
+    del solved  # of a long clip every pose takes much memory
+    held = lock_feet(eased, known, fps) if options.foot_lock and has_feet(skeleton) else eased
+    return measured_fill(known, fps, held, plain, loose=eased, base=base, wander_m=wander_m)
+
+
+def _solved(
+    skeleton: Skeleton,
+    motion: Motion,
+    known: np.ndarray,
+    source: CloudSource,
+    points: int,
+    seed: int,
+    device: torch.device | str,
+    options: FillOptions,
+) -> tuple[Solved, SkeletonPose, float]:
+    """Steps 1 and 2: the corrected clip, the plain interpolation, and how far points stray in their bones' frames."""
     start = start_from(skeleton, motion, known, source, device=device, options=options)
     with torch.no_grad():
         # 1: find
@@ -141,12 +163,8 @@ def fill_motion(
         # 2: solve
         corrections = solve_clouds(start, clouds, options.solve)
         solved = apply_corrections(start, corrections, known, options, source.confidence)
-    # 3: finish
-    eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
-    held = lock_feet(eased, known, fps) if options.foot_lock and has_feet(skeleton) else eased
     base = start.given.with_rows(np.flatnonzero(~known), start.base)
-    wander_m = float(clouds.binding.wander.nanmedian())
-    return measured_fill(known, fps, held, solved.plain, loose=eased, base=base, wander_m=wander_m)
+    return solved, base, float(clouds.binding.wander.nanmedian())
 
 
 def _check(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> None:
@@ -196,31 +214,61 @@ def solve_clouds(start: Start, clouds: Clouds, options: SolveOptions) -> Correct
 
     The base's bound points are carried by the clouds' difference, less what the difference is at the keys.
     """
-    scene, binding = start.scene, clouds.binding
+    scene, binding, is_key = start.scene, clouds.binding, start.scene.tokens.is_key
     # What a joint did not do over the keys, noise in the points does not make it do between them.
     prior = turn_prior(start.keys.local, options.turn_prior_rad)
-    parents = scene.skeleton.parents
-    times, is_key = scene.times, scene.is_key
+    solved: dict[int, Corrections] = {}
+    for block in _blocks_to_solve(is_key):
+        targets = _targets_of(scene, clouds, block[0].start, block[-1].stop)
+        for rows in block:
+            parts = scene.base.rows(rows).parts
+            skeleton = scene.skeleton
+            solved[rows.start] = solve_pose(
+                targets(rows), binding, *parts, skeleton.parents, skeleton.root, options, prior
+            )
+    seen = next(iter(solved.values())).seen
+    made = scene.base.local.new_zeros(len(is_key), 3 * len(seen) + 4)
+    for first, part in solved.items():
+        found = torch.cat([part.turns.flatten(1), part.shifts, part.residual.unsqueeze(-1)], -1)
+        made[first : first + len(found)] = found
+    return Corrections(made[:, :-4].unflatten(-1, (-1, 3)), made[:, -4:-1], seen, made[:, -1])
+
+
+def _blocks_to_solve(is_key: np.ndarray) -> list[list[slice]]:
+    """Runs of tokens that are solved together, those in which a token is no key, by the block whose clouds they need.
+    If there is none, the first run, which tells the joints that points see."""
+    runs = [slice(first, min(first + CHUNK_TOKENS, len(is_key))) for first in range(0, len(is_key), CHUNK_TOKENS)]
+    runs = [run for run in runs if not is_key[run].all()] or runs[:1]
+    return [list(block) for _, block in groupby(runs, lambda run: run.start // BLOCK_TOKENS)]
+
+
+def _targets_of(scene: Scene, clouds: Clouds, first: int, last: int) -> Callable[[slice], Tensor]:
+    """A function that gives the targets (n, P, 3) of the bound points in some of the tokens `first` to `last`."""
+    tokens, binding = scene.tokens, clouds.binding
+    # With the keys on both sides, at which the difference of the clouds is subtracted.
+    low, high = tokens.between_keys(first, last)
+    points, reference = clouds.at(low, high, tokens.around_gaps()[low:high])
+    times, is_key = scene.times[low:high], scene.is_key[low:high]
 
     def differences(rows: Tensor | slice) -> tuple[Tensor, Tensor, Tensor]:
         """Bound points, the bones' frames that carry them, and the difference seen from these frames."""
-        heads, rotations = scene.base.rows(rows).world()
+        heads, rotations = base.rows(rows).world()
         frames = matrices(rotations)[:, binding.joints]
         bound = heads[:, binding.joints] + (frames @ binding.in_bone.unsqueeze(-1)).squeeze(-1)
-        away = clouds.points[rows] - (bound if clouds.reference is None else clouds.reference[rows])
+        away = points[rows] - (bound if reference is None else reference[rows])
         return bound, frames, (frames.transpose(-1, -2) @ away.unsqueeze(-1)).squeeze(-1)
 
+    base = scene.base.rows(slice(low, high))
     at_keys = torch.cat([differences(rows)[2] for rows in torch.nonzero(is_key).squeeze(-1).split(CHUNK_TOKENS)])
-    parts: list[Corrections] = []
-    for first in range(0, len(times), CHUNK_TOKENS):
-        rows = slice(first, first + CHUNK_TOKENS)
+
+    def targets(rows: slice) -> Tensor:
+        rows = slice(rows.start - low, rows.stop - low)
         bound, frames, away = differences(rows)
         away = away - interpolate_values(at_keys, times[is_key], times[rows])
-        targets = bound + (frames @ away.unsqueeze(-1)).squeeze(-1)
-        base = scene.base.rows(rows)
-        parts.append(solve_pose(targets, binding, *base.parts, parents, scene.skeleton.root, options, prior))
-    turns, shifts, _, residual = (torch.cat(values) for values in zip(*parts, strict=True))
-    return Corrections(turns, shifts, parts[0].seen, residual)
+        away = torch.where(is_key[rows, None, None], 0.0, away)  # also of keys whose clouds were not needed
+        return bound + (frames @ away.unsqueeze(-1)).squeeze(-1)
+
+    return targets
 
 
 def apply_corrections(

@@ -58,24 +58,35 @@ class Autoencoder:
                 parts.append(self.encoder(chunk, groups.expand(len(chunk), -1)))
         return torch.cat([part[0] for part in parts]), torch.cat([part[1] for part in parts])
 
-    def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+    def spans(self, frames: int) -> list[Span]:
+        """The windows in which a clip of this many frames is decoded, in order."""
+        windows = overlapping_windows(frames, self.window)
+        return [Span(start, stop, start, stop, fade) for start, stop, fade in windows]
+
+    def decode(
+        self,
+        latents: Tensor,
+        centroids: Tensor,
+        times: Tensor,
+        groups: Tensor,
+        noise: Tensor,
+        spans: Sequence[Span] | None = None,
+    ) -> Tensor:
         """Decode a clip of any length, by overlapping windows that are blended.
 
         Args:
             latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising, real-valued.
             groups: (P,) body groups of the decoded points. noise: (P, Z) their identities.
+            spans: windows in these T frames, such as some of a longer clip's; None for all of a clip of T frames.
 
-        Returns: (T, P, 3) metres.
+        Returns: (T, P, 3) metres; zeros in frames without a window.
         """
         out = torch.zeros(len(times), len(groups), 3, device=self.device)
         weights = torch.zeros(len(times), 1, 1, device=self.device)
         groups, noise = groups.to(self.device), noise.to(self.device)
         latents, centroids, times = (part.to(self.device) for part in (latents, centroids, times))
-        spans = [
-            Span(start, stop, start, stop, fade) for start, stop, fade in overlapping_windows(len(times), self.window)
-        ]
         with torch.inference_mode():
-            for some in batches_of(spans):
+            for some in batches_of(self.spans(len(times)) if spans is None else spans):
                 made = self.decoder(
                     *(rows_of(part, some) for part in (latents, centroids, times.float())),
                     groups.expand(len(some), -1),
@@ -85,7 +96,7 @@ class Autoencoder:
                     fade = span.fade.to(self.device)[:, None, None]
                     out[span.start : span.stop] += fade * points
                     weights[span.start : span.stop] += fade
-        return out / weights
+        return out / torch.where(weights > 0, weights, 1)
 
     def draw_noise(self, points: int, seed: int) -> Tensor:
         """Identities (points, Z), the same for the same seed on every device."""
@@ -122,9 +133,15 @@ class Models:
         """As `Autoencoder.encode`."""
         return self.autoencoder.encode(points, groups)
 
-    def decode(self, latents: Tensor, centroids: Tensor, times: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
-        """As `Autoencoder.decode`."""
-        return self.autoencoder.decode(latents, centroids, times, groups, noise)
+    def spans(self, known: Tensor) -> list[Span]:
+        """The windows in which a clip is filled, in order, each widened to contain the keys at both ends of its gaps.
+
+        Args:
+            known: (T,) bool, at least one True.
+        """
+        keys = torch.nonzero(known).squeeze(1).cpu().numpy()
+        windows = overlapping_windows(len(known), self.window)
+        return [Span(*_widened(keys, start, stop), start, stop, fade) for start, stop, fade in windows]
 
     def synthesise(
         self,
@@ -133,6 +150,7 @@ class Models:
         known: Tensor,
         times: Tensor,
         base: tuple[Tensor, Tensor] | None = None,
+        spans: Sequence[Span] | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Fill the unknown frames of a clip of any length.
 
@@ -143,8 +161,9 @@ class Models:
             times: (T,) model frames, rising, real-valued.
             base: latents (T, D) and centroids (T, 3) of the skeleton's plain interpolation, for weights that were
                 trained on it.
+            spans: windows in these T frames, such as some of a longer clip's; None for all of a clip of T frames.
 
-        Returns: latents (T, D), centroids (T, 3).
+        Returns: latents (T, D), centroids (T, 3); as given in frames without a window.
         Raises: InputError if these weights need a base and none is given.
         """
         if self.synthesiser.sizes.base == "skeleton" and base is None:
@@ -158,12 +177,8 @@ class Models:
         base = None if base is None else (base[0].to(device), base[1].to(device))
         out = torch.zeros_like(latents), torch.zeros_like(centroids)
         weights = torch.zeros(len(times), 1, device=device)
-        spans = [
-            Span(*_widened(known, start, stop), start, stop, fade)
-            for start, stop, fade in overlapping_windows(len(times), self.window)
-        ]
         with torch.inference_mode():
-            for some in batches_of(spans):
+            for some in batches_of(self.spans(known) if spans is None else spans):
                 made = self.synthesiser(
                     *(rows_of(part, some) for part in (latents, centroids, known, times.float())),
                     None,
@@ -175,7 +190,10 @@ class Models:
                     out[0][span.start : span.stop] += fade * made[0][number, inner]
                     out[1][span.start : span.stop] += fade * made[1][number, inner]
                     weights[span.start : span.stop] += fade
-        return out[0] / weights, out[1] / weights
+            return (
+                torch.where(weights > 0, out[0] / weights, latents),
+                torch.where(weights > 0, out[1] / weights, centroids),
+            )
 
 
 class Span(NamedTuple):
@@ -187,6 +205,24 @@ class Span(NamedTuple):
     start: int
     stop: int
     fade: Tensor
+
+    def moved(self, by: int) -> Span:
+        """The same window in frames that are counted from another one."""
+        return Span(self.first + by, self.last + by, self.start + by, self.stop + by, self.fade)
+
+
+def touching(spans: Sequence[Span], first: int, last: int, rows: np.ndarray | None = None) -> list[Span]:
+    """Those of a clip's windows that write some of its frames `first` to `last` (excluded); with `rows`
+    (last - first,) bool, some frame that is True there."""
+    some = [span for span in spans if span.start < last and span.stop > first]
+    if rows is None:
+        return some
+    return [span for span in some if rows[max(span.start - first, 0) : span.stop - first].any()]
+
+
+def reach_of(spans: Sequence[Span], first: int, last: int) -> tuple[int, int]:
+    """First and last (excluded) frame of a clip that these windows read, or that lie from `first` to `last`."""
+    return min([first, *(span.first for span in spans)]), max([last, *(span.last for span in spans)])
 
 
 def batches_of(spans: Sequence[Span], most: int = WINDOWS_AT_ONCE) -> Iterator[list[Span]]:
@@ -231,16 +267,12 @@ def window_seams(frames: int, windows: Sequence[int]) -> np.ndarray:
     return np.array(sorted({frame for edge in inside for frame in (edge - 1, edge)}), np.int64)
 
 
-def _widened(known: Tensor, start: int, stop: int) -> tuple[int, int]:
-    """The window extended to the nearest keys outside it, so that every gap in it keeps the keys at both its ends."""
-    keys = torch.nonzero(known).squeeze(1)
-    before, after = keys[keys <= start], keys[keys >= stop - 1]
-    wide_start = int(before[-1]) if len(before) else start
-    wide_stop = int(after[0]) + 1 if len(after) else stop
-    if not bool(known[wide_start:wide_stop].any()):  # beyond all keys: reach back to the nearest
-        wide_start = min(wide_start, int(keys[0]))
-        wide_stop = max(wide_stop, int(keys[-1]) + 1)
-    return wide_start, wide_stop
+def _widened(keys: np.ndarray, start: int, stop: int) -> tuple[int, int]:
+    """The window extended to the nearest keys outside it, so that every gap in it keeps the keys at both its ends;
+    keys (K,) rising, at least one."""
+    before = int(np.searchsorted(keys, start, side="right")) - 1
+    after = int(np.searchsorted(keys, stop - 1))
+    return int(keys[before]) if before >= 0 else start, int(keys[after]) + 1 if after < len(keys) else stop
 
 
 def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:

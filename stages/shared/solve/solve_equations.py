@@ -224,7 +224,7 @@ def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: So
     held = (chain.prior @ turned.unsqueeze(-1)).squeeze(-1)
     back = torch.cat([shifted * options.shift_prior_m**-2, held.flatten(1)], dim=-1)
     from_base = torch.cat([shifted, turned.flatten(1)], dim=-1)
-    matrix = matrix + chain.prior_matrix
+    matrix += chain.prior_matrix
     pull = pull - back
 
     cost = _robust(distance, chain, options) - given + (back * from_base).sum(-1) / 2
@@ -276,7 +276,8 @@ def _evidence(mass: Tensor, first: Tensor, second: Tensor, heads: Tensor, rotati
     block = trace[..., None, None] * torch.eye(3, device=mass.device, dtype=mass.dtype) - outer
     # d point / d turn_i is -[a]x, so the block is [a]x' [b]x = (a.b) I - b a'; rows belong to i, columns to j.
     block = rotations[:, upper].transpose(-1, -2) @ block @ rotations[:, lower]
-    full = mass.new_zeros(frames, joints + 1, joints + 1, 3, 3)
+    # The blocks lie as the matrix has them, so that it is a view and not another copy.
+    full = mass.new_zeros(frames, joints + 1, 3, joints + 1, 3).transpose(2, 3)
     full[:, upper + 1, lower + 1] = block
     full[:, lower + 1, upper + 1] = block.transpose(-1, -2)
     # The shift moves every point by the same vector: against turn_i it gives -sum [a]x.
@@ -284,4 +285,4 @@ def _evidence(mass: Tensor, first: Tensor, second: Tensor, heads: Tensor, rotati
     full[:, 0, 1:] = against
     full[:, 1:, 0] = against.transpose(-1, -2)
     full[:, 0, 0] = mass[:, 0, :, None] * torch.eye(3, device=mass.device, dtype=mass.dtype)
-    return full.permute(0, 1, 3, 2, 4).reshape(frames, 3 * joints + 3, 3 * joints + 3)
+    return full.transpose(2, 3).reshape(frames, 3 * joints + 3, 3 * joints + 3)

@@ -114,15 +114,12 @@ def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptio
     done, residual = pose, system.residual  # of all frames; `pose` and `system` are of those that still move
     moving = torch.arange(len(targets), device=targets.device)
     for _ in range(options.iterations):
-        diagonal = torch.diagonal(system.matrix, dim1=-2, dim2=-1)
-        damped = system.matrix + torch.diag_embed(damping[:, None] * diagonal)
-        factor, _ = torch.linalg.cholesky_ex(damped)
-        step = torch.cholesky_solve(system.pull.unsqueeze(-1), factor).squeeze(-1)
+        step = _damped_step(system, damping)
         trial = move(pose, step, chain)
         outcome = linearise(targets, trial, chain, base, options)
         better = outcome.cost <= system.cost  # False for NaN, which keeps the last good pose
         pose = Pose(*(_choose(better, new, old) for new, old in zip(trial, pose, strict=True)))
-        system = System(*(_choose(better, new, old) for new, old in zip(outcome, system, strict=True)))
+        system = _better_of(better, outcome, system)
         damping = torch.where(better, damping * 0.2, damping * 10.0)
         done = Pose(*(_placed(all_, moving, part) for all_, part in zip(done, pose, strict=True)))
         residual = _placed(residual, moving, system.residual)
@@ -136,6 +133,25 @@ def _solve_frames(targets: Tensor, chain: Chain, base: Base, options: SolveOptio
             pose, base = Pose(*(part[left] for part in pose)), Base(*(part[left] for part in base))
             system = System(*(part[left] for part in system))
     return done, residual
+
+
+def _damped_step(system: System, damping: Tensor) -> Tensor:
+    """(T, 3 + 3A) the step of equations whose diagonal is larger by the factor 1 + damping (T,)."""
+    damped = system.matrix.clone()
+    diagonal = torch.diagonal(damped, dim1=-2, dim2=-1)
+    diagonal += damping[:, None] * diagonal
+    factor, _ = torch.linalg.cholesky_ex(damped)
+    return torch.cholesky_solve(system.pull.unsqueeze(-1), factor).squeeze(-1)
+
+
+def _better_of(better: Tensor, new: System, old: System) -> System:
+    """`new` in the frames in which it is better (T,), elsewhere `old`; the matrices, which are large, in place."""
+    if better.is_cuda:  # which frames are worse is not known here without waiting for the GPU
+        return System(*(_choose(better, one, other) for one, other in zip(new, old, strict=True)))
+    worse = torch.nonzero(~better).squeeze(-1)
+    new.matrix[worse] = old.matrix[worse]
+    rest = (_choose(better, one, other) for one, other in zip(new[1:], old[1:], strict=True))
+    return System(new.matrix, *rest)
 
 
 def _placed(whole: Tensor, rows: Tensor, part: Tensor) -> Tensor:

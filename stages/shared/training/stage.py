@@ -77,9 +77,8 @@ def finish(
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
-    points = "" if "connectivity" in network else f" of {config.points} points"  # meshes have none
     measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
-    card = _card(stage, config, trainings, trained.best_step, licences, count, measured, points)
+    card = _card(stage, config, trainings, trained.best_step, licences, count, measured)
     with write_artefact(
         config.output, "checkpoint", stage=stage, config=config.model_dump(mode="json"), inputs=inputs
     ) as draft:
@@ -124,7 +123,6 @@ def _card(
     licences: Sequence[str],
     count: int,
     measured: Mapping[str, Any],
-    points: str,
 ) -> str:
     last = trainings[-1]
     lines = [
@@ -136,7 +134,7 @@ def _card(
         f"- Size: {count:,} parameters.",
         *[f"- Started from: weights of {_told(each)}{_on_other(each, last)}." for each in reversed(trainings[:-1])],
         f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames"
-        f"{points}, seed {config.seed}.",
+        f"{f' of {config.points} points' if config.points else ''}, seed {config.seed}.",
         "",
         f"Validation of these weights, at step {best_step}:",
         "",

@@ -28,6 +28,7 @@ class Config(TrainingConfig):
     )
     eigenvectors: int = Field(512, json_schema_extra=OFTEN, description="Spectral coefficients of a mesh.", ge=4)
     window: int = Field(75, json_schema_extra=OFTEN, description="Frames per window.", ge=4)
+    points: int = Field(0, description="Unused: there are no clouds.", ge=0, le=0)
     known: int = Field(50, json_schema_extra=OFTEN, description="First frames of a window that are known.", ge=1)
     stride: int = Field(5, description="Frames between the starts of neighbouring windows.", ge=1)
     static_steps: int = Field(

@@ -13,7 +13,8 @@ from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.contract import StageReport
-from stages.shared.inference.cloud_sources import Scene, SynthesisedClouds
+from stages.shared.inference.cloud_interfaces import Scene
+from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.confidence import (
     SHAPE,
     Confidence,

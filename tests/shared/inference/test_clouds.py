@@ -9,8 +9,8 @@ import torch
 import stages.shared.clips
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
-from stages.shared.inference.cloud_sources import views_of
 from stages.shared.inference.clouds import place_on_pose
+from stages.shared.inference.decoded_clouds import views_of
 from stages.shared.inference.models import load_weights
 from stages.shared.pointcloud.drawn_points import DrawnPoints, draw_on_skeleton, spread_on_skeleton
 from stages.shared.solve.skeleton_pose import pose_of_motion
@@ -51,7 +51,7 @@ class Echo:
         self.points, self.seen_groups = points, groups
         return points.mean(1), points.mean(1)
 
-    def decode(self, latents, centroids, times, groups, noise):
+    def decode(self, latents, centroids, times, groups, noise, spans=None):
         self.asked_groups = groups
         return self.points
 

@@ -1,5 +1,6 @@
 """Weights in use: found by name or folder, whole, and run over clips of any length without a seam."""
 
+import numpy as np
 import pytest
 import torch
 
@@ -42,12 +43,11 @@ def test_where_windows_meet_weights_fade_so_that_nothing_jumps():
 
 
 def test_a_window_is_widened_to_the_keys_at_both_ends_of_its_gaps():
-    known = torch.zeros(40, dtype=torch.bool)
-    known[[0, 18, 39]] = True
-    assert _widened(known, 5, 15) == (0, 19)
-    assert _widened(known, 20, 30) == (18, 40)
-    known[39] = False
-    assert _widened(known, 30, 40) == (18, 40)
+    keys = np.array([0, 18, 39])
+    assert _widened(keys, 5, 15) == (0, 19)
+    assert _widened(keys, 20, 30) == (18, 40)
+    assert _widened(keys[:2], 30, 40) == (18, 40)
+    assert _widened(keys[1:], 2, 12) == (2, 19)
 
 
 @pytest.mark.parametrize("name", shipped_weights())

@@ -14,7 +14,8 @@ from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionWriter
-from stages.shared.inference.cloud_sources import Scene, SynthesisedClouds
+from stages.shared.inference.cloud_interfaces import Scene
+from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.confidence import (
     GAP_EDGES,
     PARTS,
