@@ -27,6 +27,7 @@ PANELS = {
         "doctor",
     ),
     "Data": ("data", "ingest", "artefact"),
+    "Meshes": ("skin", "simulate-cloth", "predict-mesh", "complete-mesh", "export-mesh"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
     "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),
 }

@@ -72,6 +72,49 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("skin",),
+        "Put motions on bodies: mesh sequences of any number of identities.",
+        ("motion", "any format"), "mesh", "pumps skin runs/mine/ingest --identities 8 -o runs/mine/skin",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
+        ("simulate-cloth",),
+        "Simulate a sheet of cloth that hangs from two points, many times.",
+        (), "mesh", "pumps simulate-cloth --count 100 -o runs/mine/cloth",
+        pipeline=False,
+    ),
+    Stage(
+        ("predict-mesh",),
+        "Predict how mesh sequences go on.",
+        ("mesh", "checkpoint"), "mesh",
+        "pumps predict-mesh --mesh runs/mine/skin --weights runs/mine/train-spectral -o runs/mine/predicted",
+        pipeline=False,
+    ),
+    Stage(
+        ("complete-mesh",),
+        "Complete mesh sequences between known frames and a known last one.",
+        ("mesh", "checkpoint"), "mesh",
+        "pumps complete-mesh --mesh runs/mine/skin --weights runs/mine/completer -o runs/mine/completed",
+        pipeline=False,
+    ),
+    Stage(
+        ("export-mesh",),
+        "Write a mesh sequence as a GLB with skin, or as a page that plays bodies.",
+        ("mesh",), "GLB, HTML", "pumps export-mesh runs/mine/skin -o bodies.html",
+        arguments=("input",), pipeline=False, writes_file=True,
+    ),
+    Stage(
+        ("train", "spectral"),
+        "Train a network that predicts or completes mesh sequences (SpecTrHuMS), or siMLPe on their joints.",
+        ("mesh",), "checkpoint",
+        "pumps train spectral --task predict --mesh runs/mine/skin -o runs/mine/train-spectral",
+        pipeline=False,
+        without=(
+            "points", "sigma_min_m", "sigma_max_m", "augment", "proportions", "balance", "cache_mb", "workers",
+            "activation_checkpointing",
+        ),
+    ),
+    Stage(
         ("train", "body-parts"),
         "Train autoencoders of body parts, each by itself: whole, upper and lower, three or five parts.",
         ("motion",), "checkpoint",
@@ -143,6 +186,13 @@ STAGES: tuple[Stage, ...] = (
         "Fill clips between their anchors and between as many evenly spaced keys, and measure both.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure anchors --motion runs/mine/ingest -o runs/mine/measure-anchors",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "spectral"),
+        "Measure predictions of mesh sequences on held-out clips: SpecTrHuMS' Tables 1 to 4.",
+        ("mesh", "checkpoint"), "metrics",
+        "pumps measure spectral --mesh runs/mine/skin --weights mine=runs/mine/train-spectral -o runs/mine/measured",
         pipeline=False,
     ),
     Stage(

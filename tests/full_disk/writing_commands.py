@@ -13,6 +13,11 @@ _ENCODER = "--encoder.width 8 --encoder.blocks 2 --encoder.neighbours 4 --encode
 _TRAINING = (
     "--steps 2 --batch 2 --window 32 --points 24 --warmup 1 --validate-every 2 --checkpoint-every 1 --device cpu"
 )
+_SPECTRAL = (
+    "--window 5 --stride 1 --steps 2 --static-steps 1 --batch 2 --warmup 1 --validate-every 2 --checkpoint-every 1 "
+    "--network.channels 4 --network.latent 8 --network.heads 2 --network.layers 1 --network.feedforward 8 "
+    "--device cpu"
+)
 _LAYERS = "--synthesiser.key-layers 1 --synthesiser.fill-layers 1 --synthesiser.frame-layers 1"
 _ALL = "--splits train --splits val --splits test"
 
@@ -212,6 +217,31 @@ WRITINGS = (
         "walks --catalogue {made}/catalogue.toml --acceptances {made}/accepted.json --accept-licence -o {out}",
         replaces=False,
     ),
+    Writing(
+        "cloth", "simulate-cloth",
+        "--count 3 --seconds 0.2 --rows 5 --size-m 0.3 --steps-per-second 200 -o {out}",
+    ),
+    Writing(
+        "predictor", "train spectral",
+        f"--mesh {{made}}/cloth --eigenvectors 8 --known 3 {_SPECTRAL} -o {{out}}",
+    ),
+    Writing(
+        "completer", "train spectral",
+        f"--task complete --mesh {{made}}/cloth --eigenvectors 8 --known 2 {_SPECTRAL} -o {{out}}",
+    ),
+    Writing(
+        "predicted", "predict-mesh",
+        "--mesh {made}/cloth --weights {made}/predictor --frames 3 --device cpu -o {out}",
+    ),
+    Writing(
+        "completed", "complete-mesh", "--mesh {made}/cloth --weights {made}/completer --device cpu -o {out}"
+    ),
+    Writing(
+        "measured-meshes", "measure spectral",
+        "--mesh {made}/cloth --weights mine={made}/predictor --known 3 --ahead 2 --splits test --device cpu -o {out}",
+    ),
+    Writing("cloth.html", "export-mesh", "{made}/cloth -o {out}"),
+    Writing("skinned", "skin", f"{CLIPS}/kick.bvh --bodies {{made}}/boxes -o {{out}}"),
     Writing("merged", "artefact merge", "{made}/part-1 {made}/part-2 -o {out}"),
     Writing("written", "config write", "--run {out} --preset tiny --source {made}/motion", asks=False),
     Writing("page.md", "formats", "--page {out}", asks=False),

@@ -21,6 +21,7 @@ RECIPE_OF = {
     "body-parts-table1": "body-parts", "body-parts-table2": "body-parts", "body-parts-table3": "body-parts",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small", "lifter": "lifter",
+    "spectral-tables": "spectral",
 }  # fmt: skip
 
 MEMBERS = {"cmu-various": ["cmu-various/06/06_01.bvh"]}  # which recipes name: the rig of the lifter
@@ -34,7 +35,7 @@ class Table(Run):
         self.target = target
         self.venv = folder / "venv"
         (self.venv / "bin").mkdir(parents=True)
-        for name in ("bin/python", "installed", "installed-dev"):
+        for name in ("bin/python", "installed", "installed-dev", "installed-mesh"):
             (self.venv / name).write_text("#!/bin/sh\n")
             (self.venv / name).chmod(0o755)
 

@@ -10,6 +10,7 @@ import torch
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import read_checkpoint, write_checkpoint
+from data_schemas.clips import ClipReader
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.tpc import TpcReader
@@ -40,7 +41,7 @@ def window_pools(
         return training, training
 
 
-def data_of(*readers: TpcReader) -> TrainingData:
+def data_of(*readers: ClipReader) -> TrainingData:
     """The facts of the clips that are trained on: those of the split `train` in all artefacts."""
     return training_data([row for reader in readers for row in reader.clips if row.split == "train"])
 
