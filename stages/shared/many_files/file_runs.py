@@ -37,7 +37,7 @@ from stages.shared.outputs import check_replaceable
 from stages.shared.progress import SILENT, Progress
 
 JOURNAL, TABLE = "files.jsonl", "files.csv"
-COLUMNS = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
+COLUMNS: tuple[str, ...] = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
 _SHOWN = 10
 
 Run = Callable[..., StageReport]
