@@ -102,7 +102,7 @@ def solve_limb(
     Args:
         shifts: (T, 3) wanted of the end in the world, metres.
         prior: (n, 3, 3) precision of the turns, 1 / radians^2.
-        pinned: (T,) bool, frames in which the limb keeps its turns of `start`.
+        pinned: (T,) bool, frames in which the limb keeps its turns of `start`; or (T, n), joints that do.
         noise_m: expected distance of the end from its place, metres.
         span: frames over which corrections come and go.
         start: (T, n, 3) turns to begin with, and the turns of pinned frames; None for no turns. Those of similar
@@ -120,7 +120,8 @@ def solve_limb(
     stiff[0] += 1.0
     base = _banded(stiff, own)
     size = 3 * joints
-    base[0].reshape(frames, size)[pinned] += PINNED
+    stays = np.repeat(pinned if pinned.ndim == 2 else np.repeat(pinned[:, None], joints, axis=1), 3, axis=1)
+    base[0].reshape(frames, size)[stays] += PINNED
     for _ in range(iterations):
         rotations, places, end = limb.turned(turns)
         arms = np.repeat(end[:, None], joints, axis=1) - places
@@ -130,7 +131,7 @@ def solve_limb(
         bands = base.copy()
         _add_blocks(bands, slopes @ slopes.transpose(0, 2, 1))
         pull = (slopes @ missed[..., None])[..., 0] - _times(stiff, turns.reshape(frames, size) @ own)
-        pull[pinned] = 0.0
+        pull[stays] = 0.0
         step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
         turns = turns + step
         if np.abs(step).max() < CLOSE_RAD:
