@@ -14,10 +14,10 @@ import torch
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Skeleton
-from stages.shared.inference.constraints.fixed import MOST_M, Fixed, PinnedEnd, limb_above, place_of_keys
-from stages.shared.inference.constraints.rig_parts import end_effector
+from stages.shared.inference.constraints.fixed import MOST_M, Fixed, PinnedEnd, place_of_keys
+from stages.shared.inference.constraints.rig_parts import EndEffector, end_effector
 from stages.shared.kinematics.foot_contacts import has_feet
-from stages.shared.kinematics.rotations import multiply
+from stages.shared.kinematics.rotations import multiply, rotate
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
 from stages.shared.solve.skeleton_pose import SkeletonPose
@@ -107,7 +107,14 @@ def _target_of(pin: PinnedEnd, pose: SkeletonPose, known: np.ndarray) -> _Target
 
 
 def _end_of(pose: SkeletonPose, pin: PinnedEnd) -> np.ndarray:
-    return pose.heads[pin.frames][:, pin.joint].double().cpu().numpy()
+    return _point_of(pose, pin.end)[pin.frames]
+
+
+def _point_of(pose: SkeletonPose, end: EndEffector) -> np.ndarray:
+    """(T, 3) metres."""
+    tail = torch.as_tensor(end.tail, dtype=torch.float32)
+    turned = rotate(pose.rotations[:, end.joint], tail.expand(len(pose), 3))
+    return (pose.heads[:, end.joint] + turned).double().cpu().numpy()
 
 
 def _worst(target: _Target, pose: SkeletonPose) -> float:
@@ -117,16 +124,16 @@ def _worst(target: _Target, pose: SkeletonPose) -> float:
 def _limb_to_place(
     pose: SkeletonPose, target: _Target, given: np.ndarray, known: np.ndarray, fps: float
 ) -> SkeletonPose:
-    limb = limb_above(pose.skeleton, target.pin.joint)
+    limb = list(target.pin.limb)
     shifts = _spread(target.missed(pose), target.pin.frames, known, SMOOTH_S * fps)
-    return turn_chain(pose, limb, target.pin.joint, shifts, given, known, SMOOTH_S * fps, np.ones(len(limb)))
+    return turn_chain(pose, limb, target.pin.end, shifts, given, known, SMOOTH_S * fps, np.ones(len(limb)))
 
 
 def _with_spine(
     pose: SkeletonPose, target: _Target, given: np.ndarray, known: np.ndarray, fps: float
 ) -> SkeletonPose:
     """The pose with the spine bent towards a place; the rest of the body keeps its rotations in the parents."""
-    skeleton, limb = pose.skeleton, limb_above(pose.skeleton, target.pin.joint)
+    skeleton, limb = pose.skeleton, list(target.pin.limb)
     spine = []
     above = int(skeleton.parents[limb[0]])
     while above >= 0 and above != skeleton.root:
@@ -136,7 +143,7 @@ def _with_spine(
         return pose
     shifts = _spread(target.missed(pose), target.pin.frames, known, BODY_S * fps)
     stiffness = np.r_[np.full(len(spine), SPINE_STIFFER), np.ones(len(limb))]
-    return turn_chain(pose, [*spine[::-1], *limb], target.pin.joint, shifts, given, known, BODY_S * fps, stiffness)
+    return turn_chain(pose, [*spine[::-1], *limb], target.pin.end, shifts, given, known, BODY_S * fps, stiffness)
 
 
 def _with_pelvis(
@@ -154,12 +161,12 @@ def _with_pelvis(
     moved = pose.with_rows(np.flatnonzero(~known), moved.rows(np.flatnonzero(~known)))
     if not has_feet(skeleton):
         return moved
-    pinned = {target.pin.joint for target in targets}
+    pinned = {target.pin.end.joint for target in targets}
     for foot in ("left_foot", "right_foot"):
         ankle = end_effector(skeleton, foot, foot)
-        leg = limb_above(skeleton, ankle)
-        if leg and ankle not in pinned:
-            back = (pose.heads - moved.heads)[:, ankle].double().cpu().numpy()
+        leg = ankle.limb(skeleton)
+        if leg and ankle.joint not in pinned:
+            back = _point_of(pose, ankle) - _point_of(moved, ankle)
             moved = turn_chain(moved, leg, ankle, back, given, known, SMOOTH_S * fps, np.ones(len(leg)))
     return moved
 
@@ -175,7 +182,7 @@ def _spread(missed: np.ndarray, frames: np.ndarray, known: np.ndarray, span: flo
 def turn_chain(
     pose: SkeletonPose,
     chain: list[int],
-    end: int,
+    end: EndEffector,
     shifts: np.ndarray,
     given: np.ndarray,
     known: np.ndarray,
@@ -188,7 +195,7 @@ def turn_chain(
     hangs on the chain elsewhere turns with it.
 
     Args:
-        chain: joints from the first to the end's parent. shifts: (T, 3) metres wanted of the end.
+        chain: joints from the first on, of which the last moves the end. shifts: (T, 3) metres wanted of the end.
         given: (T, J) bool, joints that do not turn in their parents. known: (T,) bool, frames that stay.
         span: frames over which turns come and go. stiffness: (n,) factors on the joints' prior.
     """
@@ -196,12 +203,9 @@ def turn_chain(
     local, rotations, heads = (part.double().cpu().numpy() for part in (pose.local, pose.rotations, pose.heads))
     offsets = pose.offsets.expand(len(pose), -1, 3).double().cpu().numpy()
     prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().cpu().numpy()
-    limb = Limb(
-        local[:, chain],
-        rotations[:, int(skeleton.parents[chain[0]])],
-        heads[:, chain[0]],
-        offsets[:, [*chain[1:], end]],
-    )
+    last = offsets[:, end.joint] if end.is_head else np.tile(end.tail, (len(pose), 1))
+    along = np.concatenate([offsets[:, chain[1:]], last[:, None]], axis=1)
+    limb = Limb(local[:, chain], above, heads[:, chain[0]], along)
     turns = solve_limb(
         limb,
         shifts,
@@ -213,7 +217,7 @@ def turn_chain(
     )
     made = pose.rotations.clone()
     made[:, chain] = torch.as_tensor(limb.turned(turns)[0], dtype=torch.float32)
-    hanging = _below(skeleton, end)
+    hanging = _below(skeleton, end.joint) if end.is_head else []
     # A joint is given in its parent: what hangs on the end turns with it in frames in which any of that is given.
     keeps = torch.as_tensor(~given[:, hanging].any(axis=1))[:, None]
     for joint in _below(skeleton, chain[0]):
