@@ -205,16 +205,9 @@ def turn_chain(
     prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().cpu().numpy()
     last = offsets[:, end.joint] if end.is_head else np.tile(end.tail, (len(pose), 1))
     along = np.concatenate([offsets[:, chain[1:]], last[:, None]], axis=1)
+    above, stiff = rotations[:, int(skeleton.parents[chain[0]])], prior[chain] * stiffness[:, None, None]
     limb = Limb(local[:, chain], above, heads[:, chain[0]], along)
-    turns = solve_limb(
-        limb,
-        shifts,
-        prior[chain] * stiffness[:, None, None],
-        given[:, chain],
-        noise_m=NOISE_M,
-        span=span,
-        iterations=20,
-    )
+    turns = solve_limb(limb, shifts, stiff, given[:, chain], noise_m=NOISE_M, span=span, iterations=20)
     made = pose.rotations.clone()
     made[:, chain] = torch.as_tensor(limb.turned(turns)[0], dtype=torch.float32)
     hanging = _below(skeleton, end.joint) if end.is_head else []
