@@ -96,6 +96,7 @@ def solve_limb(
     span: float,
     start: np.ndarray | None = None,
     iterations: int = 6,
+    longest_step: float = np.inf,
 ) -> np.ndarray:
     """Turns (T, n, 3) that shift a limb's end.
 
@@ -107,6 +108,8 @@ def solve_limb(
         span: frames over which corrections come and go.
         start: (T, n, 3) turns to begin with, and the turns of pinned frames; None for no turns. Those of similar
             shifts save iterations.
+        longest_step: radians that a joint may turn about an axis in one iteration; shifts of half a limb's length
+            and more need a bound.
     """
     frames, joints = limb.local.shape[:2]
     start = np.zeros((frames, joints, 3)) if start is None else start
@@ -133,6 +136,8 @@ def solve_limb(
         pull = (slopes @ missed[..., None])[..., 0] - _times(stiff, turns.reshape(frames, size) @ own)
         pull[stays] = 0.0
         step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
+        if np.isfinite(longest_step):
+            step = step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True) / longest_step)
         turns = turns + step
         if np.abs(step).max() < CLOSE_RAD:
             break
