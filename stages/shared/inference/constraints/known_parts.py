@@ -50,11 +50,14 @@ class KnownParts:
         return KnownParts(joints, position)
 
     def with_ends(self) -> KnownParts:
-        """The same, and every part before its first frame and after its last one, where files stay as they are."""
+        """The same, and every part before its first frame and after its last one, where files stay as they are;
+        frames before and after all parts' stay without."""
         table = np.column_stack([self.joints, self.position])
+        named = np.flatnonzero(table.any(axis=1))
         begun = np.maximum.accumulate(table, axis=0)
         unfinished = np.maximum.accumulate(table[::-1], axis=0)[::-1]
         table = table | ~begun | ~unfinished
+        table[: named[0]] = table[named[-1] + 1 :] = False
         return KnownParts(table[:, :-1], table[:, -1])
 
     def rows(self, rows: slice) -> KnownParts:
