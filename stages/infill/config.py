@@ -39,7 +39,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     )
     path: Path | None = Field(
         None,
-        description="CSV with the columns frame, x, z (or frame, x, y, z): where the pelvis moves, metres, Y up.",
+        description="CSV with columns frame, x, z, or frame, x, y, z: where the pelvis moves, metres, Y up.",
     )
     lock: tuple[str, ...] = Field(
         (), description="PART or PART:FRAMES: joints that only turn from keyframe to keyframe, without the models."

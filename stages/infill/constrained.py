@@ -17,6 +17,7 @@ from stages.shared.inference.constraints.fixed import Fixed, fixed_of
 from stages.shared.inference.constraints.flags import constraints_of_flags
 from stages.shared.inference.constraints.frame_ranges import parse_frames
 from stages.shared.inference.constraints.known_parts import KnownParts, known_parts
+from stages.shared.kinematics.foot_contacts import LEGS
 
 
 class PartFile(Protocol):
@@ -106,7 +107,14 @@ def constrained_motion(
         parts = KnownParts.of_frames(known, skeleton.joints)
     else:
         whole = motion_of_keys(motion, np.arange(motion.frames), request.frames)
-    return fixed_of(asked, skeleton, whole, parts)
+    made, fixed, notes = fixed_of(asked, skeleton, whole, parts)
+    legs = np.isin(skeleton.groups, LEGS)
+    if (parts.joints[:, legs].all(axis=1) & ~(parts.position & parts.joints[:, skeleton.root])).any():
+        notes = [
+            *notes,
+            "The legs are kept in frames in which the pelvis is filled: feet move with it. Keep the root.",
+        ]
+    return made, fixed, notes
 
 
 def motion_of_keys(motion: Motion, keys: np.ndarray, frames: int) -> Motion:

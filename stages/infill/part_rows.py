@@ -60,8 +60,8 @@ def rows_between_parts(
     """
     out = np.zeros(given.shape)
     jumps: dict[tuple[str, int], EulerJump] = {}
-    columns_of_joint = {
-        joint.name: slice(joint.first_channel, joint.first_channel + len(joint.channels)) for joint in bvh.joints
+    own_columns = {
+        joint.name: {joint.first_channel + channel for channel in range(len(joint.channels))} for joint in bvh.joints
     }
     kinds: dict[bytes, list[int]] = {}
     for column in range(given.shape[1]):
@@ -70,9 +70,7 @@ def rows_between_parts(
         keys = np.flatnonzero(given[:, columns[0]])
         made, found = rows_between_keys(bvh, skeleton, motion, keys, values[keys])
         out[:, columns] = made[:, columns]
-        own = set(columns)
         for jump in found:
-            at = columns_of_joint[jump.joint]
-            if own & set(range(at.start, at.stop)):
+            if own_columns[jump.joint] & set(columns):
                 jumps[jump.joint, jump.frame] = jump
     return out, sorted(jumps.values(), key=lambda jump: jump.frame)

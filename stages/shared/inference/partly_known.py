@@ -126,7 +126,6 @@ class PartlyKnown:
         for kind in self.alike:
             own = ease_at_keys(pose, kind.given, fps, ease_s)
             local[:, kind.joints] = own.local[:, kind.joints]
-            local[kind.given] = _with_columns(local[kind.given], pose.local[kind.given], kind.joints)
             if pose.moves:
                 offsets = offsets.clone()
                 offsets[:, kind.joints] = own.offsets[:, kind.joints]
@@ -148,10 +147,3 @@ class PartlyKnown:
             key_times = torch.as_tensor(keys * (MODEL_FPS / fps), device=times.device)
             columns.append(interpolate_values(own, key_times, times, smooth=1.0))
         return torch.stack(columns, -1)
-
-
-def _with_columns(rows: Tensor, others: Tensor, columns: np.ndarray) -> Tensor:
-    """Rows (n, J, 4) with some columns of others."""
-    out = rows.clone()
-    out[:, columns] = others[:, columns]
-    return out

@@ -22,7 +22,7 @@ class PartFrames(StageConfig):
     """Parts of the body, names joined by commas, in some frames."""
 
     part: Name = Field(description="Parts of the body, or joints, joined by commas.")
-    frames: Name = Field("all", description="all, numbers, ranges such as 10-40, slices such as 10:41, every:15.")
+    frames: Name = Field(default="all", description="all, numbers, ranges such as 10-40, slices such as 10:41.")
 
 
 class Pin(StageConfig):
@@ -30,8 +30,8 @@ class Pin(StageConfig):
 
     end: Name = Field(description="left_hand, right_hand, left_foot, right_foot, head, or a joint.")
     frames: Name = Field(description="Frames, as of parts.")
-    place: Place | None = Field(None, description="x, y, z in metres; by default where the end is.")
-    places: tuple[Place, ...] | None = Field(None, description="One place for each frame instead.")
+    place: Place | None = Field(default=None, description="x, y, z in metres; by default where the end is.")
+    places: tuple[Place, ...] | None = Field(default=None, description="One place for each frame instead.")
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Pin:
@@ -67,7 +67,7 @@ class Constraints(StageConfig):
     locks:     parts that the models do not move: between keyframes their joints turn from one to the next.
     """
 
-    version: Literal[1] = Field(1, description="Of this format.")
+    version: Literal[1] = 1
     keyframes: str | None = None
     parts: tuple[PartFrames, ...] = ()
     keep: tuple[PartFrames, ...] = ()
