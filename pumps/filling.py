@@ -190,9 +190,8 @@ def _constraints_of(
     asked = Constraints()
     if path is not None and not isinstance(path, (str, os.PathLike)):
         rows = sorted((int(frame), [float(value) for value in place]) for frame, place in path.items())
-        asked = Constraints(
-            path=path_of({"frames": [row[0] for row in rows], "places": [row[1] for row in rows]}, "path")
-        )
+        frames, places = [row[0] for row in rows], [row[1] for row in rows]
+        asked = Constraints(path=path_of({"frames": frames, "places": places}, "path"))
     if constraints is not None and not isinstance(constraints, (str, os.PathLike)):
         asked = asked.joined(constraints_of(dict(constraints)))
     return asked

@@ -112,7 +112,7 @@ def constrained_motion(
     if (parts.joints[:, legs].all(axis=1) & ~(parts.position & parts.joints[:, skeleton.root])).any():
         notes = [
             *notes,
-            "The legs are kept in frames in which the pelvis is filled: feet move with it. Keep the root.",
+            "The legs are kept where the pelvis is filled, so the feet move with it. Keep the root too.",
         ]
     return made, fixed, notes
 

@@ -101,6 +101,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "constraints"),
+        "Measure filling with parts kept, hands pinned or a path given, beside filling between keys alone.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure constraints --motion runs/mine/ingest -o runs/mine/measure-constraints",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "solve"),
         "Measure how well skeletons follow clouds: true, noisy, scaled, on unusual rigs.",
         ("motion", "checkpoint"), "metrics",

@@ -112,7 +112,7 @@ class PartlyKnown:
                 continue
             keys = np.flatnonzero(given)
             at_keys = values.new_zeros(len(keys), *values[:, own].shape[1:])
-            at_keys[np.isin(keys, gaps)] = values[there][:, own]
+            at_keys[torch.as_tensor(np.isin(keys, gaps))] = values[there][:, own]
             key_times = torch.as_tensor(keys * (MODEL_FPS / fps), device=turns.device)
             left = values[:, own] - interpolate_values(at_keys, key_times, times, smooth=1.0)
             left[there] = 0.0

@@ -32,7 +32,8 @@ AROUND_S = 1.0  # of the clip before and after the pins that may change
 HELD, LOOSE = 1e6, 0.005  # weights of a shift in frames of the pin, and in others
 CLOSE_M, REACHED_M = 0.0005, 0.002  # nearer than this an end is at its place; further, the body helps
 LEAN_M = 0.1  # a place that is further out of reach moves the pelvis before it bends the spine
-ROUNDS = 12
+DIVERGED = 3.0  # times the nearest that ends have come to their places: the body starts from there again
+ROUNDS, PATIENCE, BETTER = 14, 4, 0.9  # rounds; those without an end that comes nearer by a tenth
 SPINE_STIFFER = 10.0  # of the spine's joints beside the limb's
 
 
@@ -140,18 +141,36 @@ def pin_ends(
 
 def _moved(pose: SkeletonPose, targets: Sequence[_Target], held: _Held) -> SkeletonPose:
     """The pose with the ends of several pins at their places, as far as the body reaches them."""
+
+    def worst_m(made: SkeletonPose) -> float:
+        return max(target.worst_m(made) for target in targets)
+
+    best, since = pose, 0
     for number in range(ROUNDS):
-        for target in targets:
-            shifts = held.spread(target.missed(pose), target.pin.frames, LIMB_S)
-            pose = _turned(pose, list(target.pin.limb), target.pin.end, shifts, held, LIMB_S)
-        if max(target.worst_m(pose) for target in targets) < CLOSE_M or number == ROUNDS - 1:
+        pose = _with_limbs_turned(pose, targets, held)
+        since += 1
+        if worst_m(pose) < BETTER * worst_m(best):
+            best, since = pose, 0
+        if worst_m(best) < (CLOSE_M if number < ROUNDS // 3 else REACHED_M) or since == PATIENCE:
             break
+        if worst_m(pose) > DIVERGED * worst_m(best):
+            pose = best
+        if worst_m(pose) < LEAN_M or number % 2:
+            for target in targets:
+                if target.worst_m(pose) > REACHED_M:
+                    pose = _with_spine_bent(pose, target, held)
+            pose = _with_limbs_turned(pose, targets, held)
         far = [target for target in targets if target.worst_m(pose) > REACHED_M]
-        for target in far:
-            if target.worst_m(pose) < LEAN_M or number % 2:
-                pose = _with_spine_bent(pose, target, held)
-        if any(target.worst_m(pose) > REACHED_M for target in far):
-            pose = _with_pelvis_moved(pose, targets, held)
+        if far:
+            pose = _with_pelvis_moved(pose, far, held)
+    return best
+
+
+def _with_limbs_turned(pose: SkeletonPose, targets: Sequence[_Target], held: _Held) -> SkeletonPose:
+    """The pose with the joints of each pinned end's own limb turned."""
+    for target in targets:
+        shifts = held.spread(target.missed(pose), target.pin.frames, LIMB_S)
+        pose = _turned(pose, list(target.pin.limb), target.pin.end, shifts, held, LIMB_S)
     return pose
 
 
