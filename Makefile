@@ -18,6 +18,7 @@
 # make pretrain    weights from the archives: RECIPE=small|small-free SLICE=9 (minutes; 0 to the end); the same command goes
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
+# make lifter      the network that `pumps estimate` uses without training, from free archives; SLICE=9, INITIAL=
 # make gallery     twelve clips on six rigs, filled: runs/gallery/gallery.html and docs/pictures; GALLERY_WEIGHTS=small
 # make first-picture  the picture of the README's first example, of the weights PICTURED='small-free small'
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
@@ -46,24 +47,13 @@ VENV   ?= .venv
 PUMPS  ?= $(VENV)/bin/pumps
 RUNS   ?= runs
 SHARED_DATA ?= ../shared/data
-HELD_OUT_WEIGHTS ?= small-free
-HELD_OUT_WINDOWS ?= 40
-RIGS   ?= stages/shared/clips
-LATENT_WEIGHTS ?= tiny
-SOLVE_CLIPS    ?= 40
-BUDGET ?= 12
-WINDOWS ?= 40
-GOAL   ?=
-TABLE3_STEPS   ?= 400
-TABLE4_STEPS   ?= 300
-TABLE4_WINDOWS ?= 20
 PICTURED ?= small-free small
 RECIPE  ?= small
 SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -114,24 +104,10 @@ reproduce: install
 
 fill:
 	$(call made,mine,,--with 'weights=$(COMPARE)')
-table1: install
-	$(call made,table1,$(GOAL),--with 'minutes=$(BUDGET)' --with "half=$$(awk 'BEGIN { print $(BUDGET) / 2 }')" --with 'windows=$(WINDOWS)')
-table2: install
-	$(call made,table2)
-table3: install
-	$(call made,table3,,--with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)')
-table4: install
-	$(call made,table4,,--with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)')
-pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
-	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
-latent-report: install
-	$(call made,latents,,--with 'weights=$(LATENT_WEIGHTS)')
-solve-report solve-pages: install
-	$(call made,solve,$(filter pages,$(@:solve-%=%)),--with 'measured=$(SOLVE_CLIPS)' --with 'networks=$(SOLVE_NETWORKS)')
-held-out: install
-	$(call made,held-out,,--with 'weights=$(HELD_OUT_WEIGHTS)' --with 'windows=$(HELD_OUT_WINDOWS)')
-unseen-rigs: install
-	$(call made,unseen-rigs,,--with 'weights=$(HELD_OUT_WEIGHTS)' --with 'windows=$(HELD_OUT_WINDOWS)' --with 'rigs=$(RIGS)')
+
+# Tables and reports: each a recipe (stages/shared/presets/recipes), with parameters from make's variables.
+include tables.mk
+
 weights-report: install-dev
 	$(call made,weights,,--with 'windows=$(HELD_OUT_WINDOWS)')
 	$(VENV)/bin/python benchmarks/weights_tables.py '$(RUNS)/$(or $(RUN),weights)' --page docs/results.md

@@ -16,6 +16,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from stages.shared.networks.inbetween.descent import descended
 from stages.shared.networks.inbetween.method import Gaps, Method, Paper
 from stages.shared.networks.inbetween.pose_space import PoseSpace
 from stages.shared.networks.layers.sizes import MethodSizes
@@ -80,19 +81,17 @@ class MotionVae(Method):
 
     def fill(self, gaps: Gaps) -> Tensor:
         gate = gaps.missing.unsqueeze(-1).to(gaps.base.dtype)
-        with torch.enable_grad():
-            moved = torch.zeros_like(gaps.base, requires_grad=True)
-            optimiser = torch.optim.Adam([moved], lr=_RATE)
-            for _ in range(_STEPS):
-                poses = gaps.base + gate * moved
-                error, divergence = self.bound(poses)
-                square = (gate * moved).square()
-                near = (square / (square + _ROBUST**2)).mean()  # Geman and McClure's: an outlier pulls no further
-                bends = poses.diff(n=2, dim=1).square().mean() if poses.shape[1] > 2 else near * 0
-                loss = _PRIOR * (error.mean() + _DIVERGENCE * divergence.mean()) + _NEAR * near + _SMOOTH * bends
-                (moved.grad,) = torch.autograd.grad(loss, [moved])
-                optimiser.step()
-        return gaps.base + gate * moved.detach()
+
+        def unusual(moved: Tensor) -> Tensor:
+            poses = gaps.base + gate * moved
+            error, divergence = self.bound(poses)
+            square = (gate * moved).square()
+            near = (square / (square + _ROBUST**2)).mean()  # Geman and McClure's: an outlier pulls no further
+            bends = poses.diff(n=2, dim=1).square().mean() if poses.shape[1] > 2 else near * 0
+            return _PRIOR * (error.mean() + _DIVERGENCE * divergence.mean()) + _NEAR * near + _SMOOTH * bends
+
+        (moved,) = descended([torch.zeros_like(gaps.base)], unusual, steps=_STEPS, rate=_RATE)
+        return gaps.base + gate * moved
 
 
 def _layers(inputs: int, outputs: int, sizes: MethodSizes) -> nn.Sequential:

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from stages.shared.kinematics.rotations import continuous_signs, from_turn_vectors, multiply, shorter_way
+from stages.shared.networks.inbetween.descent import descended
 from stages.shared.networks.inbetween.method import Gaps, Method, Paper
 from stages.shared.networks.inbetween.pose_space import PoseSpace
 from stages.shared.networks.layers.sizes import MethodSizes
@@ -76,37 +77,37 @@ class PoseNdf(Method):
     def fill(self, gaps: Gaps) -> Tensor:
         start = self.space.local(gaps.base)
         gate = gaps.missing[..., None, None].to(start.dtype)
-        with torch.enable_grad():
-            turns = torch.zeros(*start.shape[:-1], 3, device=start.device, requires_grad=True)
-            optimiser = torch.optim.Adam([turns], lr=_RATE)
-            for _ in range(_DESCENT):
-                moved = multiply(start, from_turn_vectors(turns * gate))
-                prior = self.distance(moved.flatten(0, 1)).square().mean()
-                bends = (turns * gate).diff(n=2, dim=1) if turns.shape[1] > 2 else turns
-                loss = _PRIOR * prior + _NEAR * (turns * gate).square().mean() + _SMOOTH * bends.square().mean()
-                (turns.grad,) = torch.autograd.grad(loss, [turns])
-                optimiser.step()
-        return self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns.detach() * gate)))
+
+        def unusual(turns: Tensor) -> Tensor:
+            moved = multiply(start, from_turn_vectors(turns * gate))
+            prior = self.distance(moved.flatten(0, 1)).square().mean()
+            bends = (turns * gate).diff(n=2, dim=1) if turns.shape[1] > 2 else turns
+            return _PRIOR * prior + _NEAR * (turns * gate).square().mean() + _SMOOTH * bends.square().mean()
+
+        (turns,) = descended([_no_turns(start)], unusual, steps=_DESCENT, rate=_RATE)
+        return self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns * gate)))
 
     def denoise(self, gaps: Gaps) -> Tensor:
         """Down the distance from noisy poses, near them by a distance that outliers do not dominate, and smooth over
         time: the moved rotations themselves, and the root's path, of which the network knows nothing."""
         start, roots = continuous_signs(self.space.local(gaps.base), axis=1), gaps.base[..., :3]
-        with torch.enable_grad():
-            turns = torch.zeros(*start.shape[:-1], 3, device=start.device, requires_grad=True)
-            shift = torch.zeros_like(roots, requires_grad=True)
-            optimiser = torch.optim.Adam([turns, shift], lr=_RATE)
-            for _ in range(_NOISY_STEPS):
-                moved = multiply(start, from_turn_vectors(turns))
-                prior = self.distance(moved.flatten(0, 1)).square().mean()
-                near = (turns.square().sum(-1) + 1e-6).sqrt().mean() + (shift.square().sum(-1) + 1e-6).sqrt().mean()
-                bends = moved.diff(n=2, dim=1).square().sum(-1).mean() if moved.shape[1] > 2 else 0 * near
-                path = (roots + shift).diff(n=2, dim=1).square().mean() if moved.shape[1] > 2 else 0 * near
-                loss = _PRIOR * prior + _NOISY_NEAR * near + _NOISY_SMOOTH * (bends + _ROOT_STANDARD * path)
-                turns.grad, shift.grad = torch.autograd.grad(loss, [turns, shift])
-                optimiser.step()
-        made = self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns.detach())))
-        return torch.cat([roots + shift.detach(), made[..., 3:]], dim=-1)
+
+        def unusual(turns: Tensor, shift: Tensor) -> Tensor:
+            moved = multiply(start, from_turn_vectors(turns))
+            prior = self.distance(moved.flatten(0, 1)).square().mean()
+            near = (turns.square().sum(-1) + 1e-6).sqrt().mean() + (shift.square().sum(-1) + 1e-6).sqrt().mean()
+            bends = moved.diff(n=2, dim=1).square().sum(-1).mean() if moved.shape[1] > 2 else 0 * near
+            path = (roots + shift).diff(n=2, dim=1).square().mean() if moved.shape[1] > 2 else 0 * near
+            return _PRIOR * prior + _NOISY_NEAR * near + _NOISY_SMOOTH * (bends + _ROOT_STANDARD * path)
+
+        turns, shift = descended([_no_turns(start), torch.zeros_like(roots)], unusual, steps=_NOISY_STEPS, rate=_RATE)
+        made = self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns)))
+        return torch.cat([roots + shift, made[..., 3:]], dim=-1)
+
+
+def _no_turns(local: Tensor) -> Tensor:
+    """(..., 3) turn vectors of zero for rotations (..., 4)."""
+    return torch.zeros(*local.shape[:-1], 3, device=local.device)
 
 
 def nearest_distance(poses: Tensor, bank: Tensor) -> Tensor:
