@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,19 +15,29 @@ from data_schemas.errors import UsageError
 from pumps.motion import Motion
 from stages.shared.threads import one_thread_if_they_spin
 
+if TYPE_CHECKING:
+    from stages.shared.inference.constraints.asked import Constraints
+
 Frames = str | Iterable[int]
 Times = str | Iterable[float]
+Ranges = Mapping[str, Frames]
+PathPlaces = Mapping[int, Sequence[float]] | str | os.PathLike[str]
 
 
 @one_thread_if_they_spin()
 def infill(
     motion: Motion,
-    keyframes: Frames | None = None,
+    keyframes: Frames | Mapping[str, Frames] | None = None,
     *,
     transition: str | tuple[int, int] | None = None,
     predict: int | None = None,
     frames: Frames | None = None,
     times: Times | None = None,
+    keep: Ranges | None = None,
+    pins: Ranges | None = None,
+    path: PathPlaces | None = None,
+    lock: Ranges | None = None,
+    constraints: Mapping[str, Any] | str | os.PathLike[str] | None = None,
     weights: str | os.PathLike[str] | None = None,
     foot_lock: bool = True,
     points: int = 256,
@@ -37,19 +47,26 @@ def infill(
     """Fill the frames between keyframes, as `pumps infill` does; frames that are neither are never read.
 
     Args:
-        keyframes: frame numbers (a list, a range, an array), or a text such as "every:15" or "0:10,40:".
+        keyframes: frame numbers (a list, a range, an array), or a text such as "every:15" or "0:10,40:"; or a
+            dictionary from parts of the body to these, where "" stands for the whole body.
         transition: (A, B), or "A:B": frames A to B - 1 are missing, all others are keys.
         predict: frames to append after the last.
         frames: where the motion holds the keys alone, the frame of the result that each of its frames becomes.
         times: the same in seconds.
+        keep: part of the body, or joint -> frames in which it keeps what the motion holds: "all", or as `keyframes`.
+        pins: end effector ("right_hand", ...) -> frames in which it stays at its place in the world.
+        path: frame -> (x, z) or (x, y, z) of the pelvis, metres, Y up; or the name of a CSV of them.
+        lock: part of the body, or joint -> frames in which only keyframes turn it.
+        constraints: all of these as a dictionary, or the name of a JSON file (docs/formats.md).
         weights: a shipped name (`pumps weights list`) or a folder; None for the default. They stay loaded.
         foot_lock: hold feet that stand.
         points: of the cloud. seed: of its points; the same seed gives the same motion.
         device: "auto", "cpu", "cuda" or "mps".
 
-    Returns: the filled motion. Saved as a BVH, its key rows are those of the file, byte for byte.
+    Returns: the filled motion. Saved as a BVH, its key rows, and what else is kept, are those of the file, byte for
+        byte.
     Raises: UsageError where nothing says which frames are keys, or two arguments do; InputError for frames that are
-        not in the motion, and for weights that are not there.
+        not in the motion, for constraints that contradict each other, and for weights that are not there.
     """
     from stages.infill.config import Config
     from stages.infill.row_files import row_file
@@ -64,7 +81,12 @@ def infill(
     settings = {
         "input": here,
         "output": here,
-        "keyframes": _text_of("keyframes", keyframes),
+        "keyframes": _keyframes_of(keyframes),
+        "keep": _texts_of("keep", keep),
+        "pin": _texts_of("pins", pins),
+        "path": path if isinstance(path, (str, os.PathLike)) else None,
+        "lock": _texts_of("lock", lock),
+        "constraints": constraints if isinstance(constraints, (str, os.PathLike)) else None,
         "transition": _range_of(transition),
         "predict": predict,
         "frames": _text_of("frames", frames),
@@ -79,7 +101,7 @@ def infill(
     config = settle(Config, [Layer("arguments", settings)], what="pumps infill")
     models = _models(config.weights, device, _digests(config.weights))
     file = row_file(Source(here.name, "", here.name, len(data)), config, data)
-    made = fill_file(file, config, models)
+    made = fill_file(file, config, models, _constraints_of(path, constraints))
     skeleton, record = file.motion_in(made.data)
     return replace(motion, skeleton=skeleton, record=record, notes=made.notes, source=made.data)
 
@@ -139,6 +161,40 @@ def _text_of(name: str, numbers: str | Iterable[float] | None, *, whole: bool = 
     if whole and (values != np.floor(values)).any():
         raise UsageError(f"{name} must be {kind}.", f"Give a list such as {example}.")
     return ",".join(str(int(value)) if whole else repr(float(value)) for value in values)
+
+
+def _keyframes_of(keyframes: Frames | Mapping[str, Frames] | None) -> str | None:
+    """Keyframes as the command line takes them."""
+    if not isinstance(keyframes, Mapping):
+        return _text_of("keyframes", keyframes)
+    texts = [(part, _text_of("keyframes", frames)) for part, frames in keyframes.items()]
+    return ";".join(f"{part}={text}" if part else f"{text}" for part, text in texts)
+
+
+def _texts_of(name: str, ranges: Ranges | None) -> tuple[str, ...]:
+    """{"legs": "all"} as the command line takes it. Raises UsageError for another type."""
+    if ranges is None:
+        return ()
+    if not isinstance(ranges, Mapping):
+        raise UsageError(f"{name} must say frames for each part.", 'Give one such as {"legs": "all"}.')
+    return tuple(f"{part}:{_text_of(name, frames)}" for part, frames in ranges.items())
+
+
+def _constraints_of(
+    path: PathPlaces | None, constraints: Mapping[str, Any] | str | os.PathLike[str] | None
+) -> Constraints:
+    """Constraints that are given as values, not as names of files."""
+    from stages.shared.inference.constraints.asked import Constraints
+    from stages.shared.inference.constraints.constraint_files import constraints_of, path_of
+
+    asked = Constraints()
+    if path is not None and not isinstance(path, (str, os.PathLike)):
+        rows = sorted((int(frame), [float(value) for value in place]) for frame, place in path.items())
+        frames, places = [row[0] for row in rows], [row[1] for row in rows]
+        asked = Constraints(path=path_of({"frames": frames, "places": places}, "path"))
+    if constraints is not None and not isinstance(constraints, (str, os.PathLike)):
+        asked = asked.joined(constraints_of(dict(constraints)))
+    return asked
 
 
 def _range_of(transition: str | tuple[int, int] | None) -> str | None:

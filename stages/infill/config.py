@@ -25,7 +25,27 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
     keyframes: str | None = Field(
         None,
         description="Which rows are keyframes: 0,15,40 or every:15 or ranges such as 40: and 10:20, joined by "
-        "commas.",
+        "commas. arms=0,15,40 names keyframes of a part of the body; several are joined by semicolons.",
+    )
+    keep: tuple[str, ...] = Field(
+        (),
+        description="PART:FRAMES, such as legs:all or left_arm:10-40: what the file holds there is kept. A part is a "
+        "body group, arms, legs, upper_body, lower_body, root, position, or a joint.",
+    )
+    pin: tuple[str, ...] = Field(
+        (),
+        description="END:FRAMES, such as right_hand:10-40: the end stays at its place in the world. An end is "
+        "left_hand, right_hand, left_foot, right_foot, head, or a joint.",
+    )
+    path: Path | None = Field(
+        None,
+        description="CSV with columns frame, x, z, or frame, x, y, z: where the pelvis moves, metres, Y up.",
+    )
+    lock: tuple[str, ...] = Field(
+        (), description="PART or PART:FRAMES: joints that only turn from keyframe to keyframe, without the models."
+    )
+    constraints: Path | None = Field(
+        None, description="JSON with all of these (`docs/formats.md`), or Kimodo's constraints of type root2d."
     )
     transition: str | None = Field(
         None, description="A:B: frames A to B-1 are missing, and all others are keyframes."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
+from stages.infill.part_rows import columns_given, rows_between_parts, values_given
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, rate_of
 from stages.shared.formats.bvh_write import write_bvh
@@ -24,6 +26,7 @@ from stages.shared.formats.robot_table import RobotTable, check_rows, read_table
 from stages.shared.formats.robot_write import RobotRows, notes_of_rows, rows_of_motion
 from stages.shared.formats.skeleton_map import SkeletonMap, choose_map
 from stages.shared.formats.sources import Source
+from stages.shared.inference.constraints.known_parts import KnownParts
 
 
 class RowFile(Protocol):
@@ -47,8 +50,24 @@ class RowFile(Protocol):
         """
         ...
 
+    def part_motion(self, parts: KnownParts, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
+        """As `key_motion`, of the rows of which something is given. In the other rows, and in what is not given, the
+        motion means nothing.
+
+        Args:
+            parts: what is given of the first rows; further ones are not in the file.
+        """
+        ...
+
     def written(
-        self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int
+        self,
+        filled: Motion,
+        first: int,
+        keys: np.ndarray,
+        rows: np.ndarray,
+        kept: Mapping[int, int],
+        frames: int,
+        parts: KnownParts | None = None,
     ) -> tuple[bytes, list[str]]:
         """The file's bytes with what was filled, and notes on what it cannot hold.
 
@@ -57,6 +76,7 @@ class RowFile(Protocol):
                 first of them `first`, and the file's rows of them.
             kept: frame of the output -> row that is copied byte for byte.
             frames: how many the output has.
+            parts: what is given of each frame of the output beside keys: its columns are copied byte for byte.
         """
         ...
 
@@ -89,6 +109,7 @@ class _BvhRows:
         self.frames = bvh.frames
         self.fps = self._override or rate_of(bvh.frame_time)
         self._skeleton: Skeleton | None = None
+        self._given_values: np.ndarray | None = None
 
     def motion_in(self, data: bytes) -> tuple[Skeleton, Motion]:
         bvh = read_bvh(data, self.bvh.name)
@@ -109,18 +130,45 @@ class _BvhRows:
         )
         return self._skeleton, motion, notes
 
+    def part_motion(self, parts: KnownParts, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
+        assert self._skeleton is not None  # what parts are is known from a rig
+        self._given_values = values_given(self.bvh, parts.rows(slice(self.frames)), self._skeleton)
+        self._skeleton, motion, notes = motion_of(
+            replace(self.bvh, values=self._given_values),
+            fps_override=self._override, skeleton_maps=maps, up_axis=self._up_axis,
+        )  # fmt: skip
+        return self._skeleton, motion, notes
+
     def written(
-        self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int
+        self,
+        filled: Motion,
+        first: int,
+        keys: np.ndarray,
+        rows: np.ndarray,
+        kept: Mapping[int, int],
+        frames: int,
+        parts: KnownParts | None = None,
     ) -> tuple[bytes, list[str]]:
         assert self._skeleton is not None  # made with the keys' motion
         key_values = self.bvh.values[rows]
         values = np.zeros((frames, key_values.shape[1]))
-        made, jumps = rows_between_keys(self.bvh, self._skeleton, filled, keys - first, key_values)
-        values[first : first + filled.frames] = made
+        region = slice(first, first + filled.frames)
+        copied = None
+        if parts is None:
+            made, jumps = rows_between_keys(self.bvh, self._skeleton, filled, keys - first, key_values)
+        else:
+            assert self._given_values is not None  # made with the parts' motion
+            given = columns_given(self.bvh, parts, self._skeleton)
+            made, jumps = rows_between_parts(
+                self.bvh, self._skeleton, filled, given[region], self._given_values[first : region.stop]
+            )
+            copied = {row: given[row] for row in range(self.frames) if row not in kept and given[row].any()}
+        values[region] = made
         # The file's own text of the frame time stays, unless the user says that it is wrong.
         stated = self._override is None or self._override == rate_of(self.bvh.frame_time)
         frame_time = None if stated else 1.0 / self.fps
-        return write_bvh(self.bvh, values, kept, frames, frame_time=frame_time), sentences_of_jumps(jumps, first)
+        data = write_bvh(self.bvh, values, kept, frames, frame_time=frame_time, verbatim_columns=copied)
+        return data, sentences_of_jumps(jumps, first)
 
 
 class _RobotRows:
@@ -156,10 +204,20 @@ class _RobotRows:
         self._skeleton = recording.skeleton
         return recording.skeleton, recording.motion, [*self._notes, *sentences_of(recording.notes)]
 
+    def part_motion(self, parts: KnownParts, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]:
+        raise InputError("Parts of frames can be given in a BVH alone.", "Give whole keyframes.")
+
     def written(
-        self, filled: Motion, first: int, keys: np.ndarray, rows: np.ndarray, kept: Mapping[int, int], frames: int
+        self,
+        filled: Motion,
+        first: int,
+        keys: np.ndarray,
+        rows: np.ndarray,
+        kept: Mapping[int, int],
+        frames: int,
+        parts: KnownParts | None = None,
     ) -> tuple[bytes, list[str]]:
-        assert self._skeleton is not None  # made with the keys' motion
+        assert self._skeleton is not None and parts is None  # made with the keys' motion
         key_values = self.table.values[rows]
         made = rows_of_motion(self.robot, self._skeleton, filled, self.table.name, limited=self.limited)
         at = keys - first

@@ -12,14 +12,30 @@ import numpy as np
 from data_schemas.errors import UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
+from stages.infill.constrained import (
+    check_constraints,
+    constrained_motion,
+    constraints_of_config,
+    motion_of_keys,
+    request_in_parts,
+)
 from stages.infill.request import Request, request_of
 from stages.infill.row_files import RowFile, row_file
-from stages.infill.summary import fallbacks_of, line_of_skate, lines_of_fallbacks, lines_of_jumps, warnings_of
+from stages.infill.summary import (
+    fallbacks_of,
+    line_of_skate,
+    lines_of_fallbacks,
+    lines_of_jumps,
+    lines_of_pins,
+    warnings_of,
+)
 from stages.shared.contract import StageReport
 from stages.shared.formats.skeleton_map import read_skeleton_map
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
 from stages.shared.inference.cloud_sources import SynthesisedClouds
+from stages.shared.inference.constraints.asked import Constraints
+from stages.shared.inference.constraints.fixed import Fixed
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.kept_models import kept_models
@@ -76,25 +92,44 @@ class FilledFile:
     notes: tuple[str, ...]
 
 
-def fill_file(file: RowFile, config: Config, models: Models) -> FilledFile:
+def fill_file(file: RowFile, config: Config, models: Models, also: Constraints | None = None) -> FilledFile:
     """Fill a file of rows between its keys. Rows that are neither keys nor outside of them are not read.
 
     Args:
         config: which frames are keys, and how to fill; its input, output and weights are not looked at.
+        also: constraints beside those of the config.
 
     Raises: UsageError for options that contradict each other; InputError for bad rows or frames.
     """
     if config.fps_override is not None and not 0 < config.fps_override < 1e6:
         raise UsageError(f"--fps-override {config.fps_override} is not a frame rate.", "Give frames a second.")
-    request = request_of(config, file.frames, file.fps)
+    asked, asked_notes = constraints_of_config(config)
+    if also is not None:
+        asked = asked.joined(also)
+    check_constraints(asked, file.suffix)
+    config = config.model_copy(update={"keyframes": asked.keyframes})
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
-    skeleton, key_motion, notes = file.key_motion(request.key_rows, maps)
-    region = _region_of(request, models.window, key_motion.fps)
-    filled = _fill(skeleton, key_motion, region, models, config)
+    parts = None
+    if asked.by_part:
+        request, parts = request_in_parts(config, asked, file, file.fps, maps)
+        skeleton, motion, notes = file.part_motion(parts, maps)
+    else:
+        request = request_of(config, file.frames, file.fps)
+        skeleton, motion, notes = file.key_motion(request.key_rows, maps)
+    region = _region_of(request, models.window, motion.fps)
+    if asked.any:
+        whole, fixed, constraint_notes = constrained_motion(skeleton, motion, request, parts, asked)
+        rows = slice(region.first, region.first + region.frames)
+        given, fixed = whole.at(rows), fixed.rows(rows)
+        notes = [*notes, *constraint_notes]
+    else:
+        given, fixed = motion_of_keys(motion.at(region.of_all), region.keys - region.first, region.frames), None
+    known = np.isin(np.arange(region.frames), region.keys - region.first)
+    filled = _fill(skeleton, given, known, fixed, models, config)
     speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
     rows = request.key_rows[region.of_all]
-    data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames)
-    return FilledFile(data, request, region, skeleton, filled, (*notes, *speeds, *losses))
+    data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames, parts)
+    return FilledFile(data, request, region, skeleton, filled, (*notes, *asked_notes, *speeds, *losses))
 
 
 def _in_format_of(output: Path, file: RowFile, made: FilledFile) -> tuple[bytes, list[str]]:
@@ -119,18 +154,14 @@ def _region_of(request: Request, window: int, fps: float) -> Region:
     return Region(int(keys[low]), last - int(keys[low]) + 1, keys[of_all], of_all)
 
 
-def _fill(skeleton: Skeleton, key_motion: Motion, region: Region, models: Models, config: Config) -> Filled:
-    at = region.keys - region.first
-    rotations = np.zeros((region.frames, *key_motion.rotations.shape[1:]), np.float32)
-    rotations[..., 3] = 1.0
-    roots = np.zeros((region.frames, 3), np.float32)
-    tracks = np.zeros((region.frames, *key_motion.tracks.shape[1:]), np.float32)
-    rotations[at], roots[at] = key_motion.rotations[region.of_all], key_motion.root_positions[region.of_all]
-    if len(key_motion.track_joints):
-        tracks[at] = key_motion.tracks[region.of_all]
-    known = np.zeros(region.frames, bool)
-    known[at] = True
-    motion = Motion(rotations, roots, key_motion.fps, key_motion.track_joints, tracks)
+def _fill(
+    skeleton: Skeleton,
+    motion: Motion,
+    known: np.ndarray,
+    fixed: Fixed | None,
+    models: Models,
+    config: Config,
+) -> Filled:
     return fill_motion(
         skeleton,
         motion,
@@ -140,6 +171,7 @@ def _fill(skeleton: Skeleton, key_motion: Motion, region: Region, models: Models
         seed=config.seed,
         device=models.autoencoder.device,
         options=FillOptions(foot_lock=config.foot_lock),
+        fixed=fixed,
     )
 
 
@@ -158,6 +190,7 @@ def _report(config: Config, made: FilledFile, models: Models, losses: list[str],
     lines += lines_of_fallbacks(fallbacks)
     lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)
     lines.append(line_of_skate(filled, config.foot_lock))
+    lines += lines_of_pins(filled)
     lines.append(
         f"Weights {models.name}, trained on {models.trained_on or 'data they do not name'}; "
         f"licences: {'; '.join(models.licences).rstrip('.') or 'none named'}."
@@ -177,6 +210,7 @@ def _report(config: Config, made: FilledFile, models: Models, losses: list[str],
         "foot_skate_mps": None if np.isnan(filled.skate_mps) else filled.skate_mps,
         "plain_foot_skate_mps": None if np.isnan(filled.base_skate_mps) else filled.base_skate_mps,
         "points_stray_m": filled.wander_m,
+        "pins_off_mm": {name: off * 1000 for name, off in filled.pins_off_m.items()},
         "licences": list(models.licences),
     }
     return StageReport(output=config.output, lines=lines, figures=figures)

@@ -101,3 +101,11 @@ def line_of_skate(filled: Filled, locked: bool) -> str:
         before += f", before the feet were held {filled.loose_skate_mps:.3f}"
     hint = "" if locked else "; --foot-lock holds them"
     return f"Foot skate while the feet stand: {filled.skate_mps:.3f} m/s ({before}{hint})."
+
+
+def lines_of_pins(filled: Filled) -> list[str]:
+    """How far pinned ends are from their places."""
+    if not filled.pins_off_m:
+        return []
+    shown = ", ".join(f"{name} {off * 1000:.1f} mm" for name, off in filled.pins_off_m.items())
+    return [f"Pinned ends are from their places at most: {shown}."]

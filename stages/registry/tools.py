@@ -182,6 +182,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "constraints"),
+        "Measure filling with parts kept, hands pinned or a path given, beside filling between keys alone.",
+        ("motion", "checkpoint"), "metrics",
+        "pumps measure constraints --motion runs/mine/ingest -o runs/mine/measure-constraints",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "anchors"),
         "Fill clips between their anchors and between as many evenly spaced keys, and measure both.",
         ("motion", "checkpoint"), "metrics",

@@ -165,6 +165,11 @@ WRITINGS = (
         "--device cpu -o {out}",
     ),
     Writing(
+        "measured-constraints", "measure constraints",
+        "--motion {made}/motion --weights {made}/run --splits test --max-windows 1 --window 46 --constraints arms "
+        "--device cpu -o {out}",
+    ),
+    Writing(
         "measured-estimate", "measure estimate",
         "--tpc {made}/tpc --weights mine={made}/lifter --splits train --max-windows 1 --window 32 "
         "--device cpu -o {out}",

@@ -23,6 +23,7 @@ def write_bvh(
     *,
     frame_time: float | None = None,
     decimals: int = DECIMALS,
+    verbatim_columns: Mapping[int, np.ndarray] | None = None,
 ) -> bytes:
     """The bytes of a BVH with the header of another one.
 
@@ -32,6 +33,8 @@ def write_bvh(
         verbatim_rows: frame to write -> row of `bvh` to copy byte for byte.
         frame_count: number of rows to write, T by default. The Frames line is changed only if this number differs
             from the number of rows in `bvh` (a file whose Frames line is wrong by one keeps that line).
+        verbatim_columns: frame to write -> (C,) bool, the columns that are copied byte for byte from the same row of
+            `bvh`; the others come from `values`.
         frame_time: seconds, if the rows have another rate than the file; None keeps the file's line.
     Raises: PumpsError if a value is not finite or the shapes do not match.
     """
@@ -52,6 +55,9 @@ def write_bvh(
     rows: list[bytes] = [b""] * count
     for frame, row in zip(made, text, strict=True):
         rows[frame] = row
+    for frame, columns in (verbatim_columns or {}).items():
+        own, theirs = rows[frame].split(), bvh.rows[frame].split()
+        rows[frame] = b" ".join(new if copy else old for old, new, copy in zip(own, theirs, columns, strict=True))
     for frame, row in copied.items():
         if frame < count:
             rows[frame] = bvh.rows[row]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -31,6 +31,7 @@ class Filled:
     longest_gap_s:  longest time between two neighbouring keys, or between a key and an end of the clip.
     wander_m:       how far decoded points stray in the frames of the bones that they ride on, metres (median): the
                     autoencoder's own error on this rig, large where the rig is strange to it.
+    pins_off_m:     pinned end -> how far it is from its place at most, metres.
     """
 
     motion: Motion
@@ -43,6 +44,7 @@ class Filled:
     loose_skate_mps: float
     longest_gap_s: float
     wander_m: float
+    pins_off_m: dict[str, float] = field(default_factory=dict)
 
 
 def nothing_to_fill(motion: Motion) -> Filled:

@@ -13,7 +13,7 @@ networks get wrong in the same way for both costs nothing. Every step takes and 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import NamedTuple
 
@@ -26,9 +26,12 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.inference.cloud_interfaces import Clouds, CloudSource, Drawing, Scene
 from stages.shared.inference.clouds import BLOCK_TOKENS, CHUNK_TOKENS
 from stages.shared.inference.confidence import Confidence, trust_of
+from stages.shared.inference.constraints.fixed import Fixed
 from stages.shared.inference.easing import ease_at_keys
 from stages.shared.inference.filled import Filled, measured_fill, nothing_to_fill
 from stages.shared.inference.foot_lock import lock_feet
+from stages.shared.inference.partly_known import STIFF, PartlyKnown
+from stages.shared.inference.pinned_ends import pin_ends
 from stages.shared.inference.token_times import choose_tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import has_feet
@@ -84,6 +87,7 @@ class Start(NamedTuple):
     keys:  the known ones, and base: their plain interpolation at the others, the gaps' frames.
     scene: the same at the times at which models and solve see the clip.
     gap_times: (M,) when the gaps' frames are, in model frames.
+    parts: what is given beside whole keys; None where that is nothing.
     """
 
     given: SkeletonPose
@@ -91,6 +95,7 @@ class Start(NamedTuple):
     base: SkeletonPose
     scene: Scene
     gap_times: Tensor
+    parts: PartlyKnown | None = None
 
 
 class Solved(NamedTuple):
@@ -118,16 +123,18 @@ def fill_motion(
     seed: int = 0,
     device: torch.device | str = "cpu",
     options: FillOptions | None = None,
+    fixed: Fixed | None = None,
 ) -> Filled:
     """Fill the frames of a motion that are not known.
 
     Args:
-        motion: T frames, of which only the known ones are read.
+        motion: T frames, of which only the known ones are read, and in the others what `fixed` says.
         known: (T,) bool, True where the frame is given.
         source: where clouds come from: `SynthesisedClouds(models)` fills; the others measure its parts.
         points: size of the cloud.
         seed: of the points' places and identities; the same seed gives the same motion.
         options: None takes the defaults for decoded clouds, or `TRUE_CLOUD` where the source's points are exact.
+        fixed: what must not move in frames that are not known, and ends that stay at their places.
 
     Raises: UsageError where arguments do not belong together; InputError where no frame is known or no bone is seen.
     """
@@ -136,13 +143,21 @@ def fill_motion(
     known, fps = np.asarray(known, bool), motion.fps
     if known.all():
         return nothing_to_fill(motion)
-    solved, base, wander_m = _solved(skeleton, motion, known, source, points, seed, device, options)
+    solved, base, wander_m, parts = _solved(skeleton, motion, known, source, points, seed, device, options, fixed)
     # 3: finish
-    eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
+    if parts is None:
+        eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
+    else:
+        eased = parts.eased(solved.pose, fps, options.ease_s)
     plain = solved.plain
     del solved  # of a long clip every pose takes much memory
-    held = lock_feet(eased, known, fps) if options.foot_lock and has_feet(skeleton) else eased
-    return measured_fill(known, fps, held, plain, loose=eased, base=base, wander_m=wander_m)
+    stiff = None if fixed is None else fixed.joints
+    held = lock_feet(eased, known, fps, stiff) if options.foot_lock and has_feet(skeleton) else eased
+    off_m: dict[str, float] = {}
+    if fixed is not None:
+        held, off_m = pin_ends(held, fixed, known, fps)
+    made = measured_fill(known, fps, held, plain, loose=eased, base=base, wander_m=wander_m)
+    return replace(made, pins_off_m=off_m)
 
 
 def _solved(
@@ -154,9 +169,11 @@ def _solved(
     seed: int,
     device: torch.device | str,
     options: FillOptions,
-) -> tuple[Solved, SkeletonPose, float]:
-    """Steps 1 and 2: the corrected clip, the plain interpolation, and how far points stray in their bones' frames."""
-    start = start_from(skeleton, motion, known, source, device=device, options=options)
+    fixed: Fixed | None,
+) -> tuple[Solved, SkeletonPose, float, PartlyKnown | None]:
+    """Steps 1 and 2: the corrected clip, the plain interpolation, how far points stray in their bones' frames, and
+    what is given in part."""
+    start = start_from(skeleton, motion, known, source, device=device, options=options, fixed=fixed)
     with torch.no_grad():
         # 1: find
         clouds = find_clouds(start, source, points=points, seed=seed, options=options)
@@ -164,7 +181,7 @@ def _solved(
         corrections = solve_clouds(start, clouds, options.solve)
         solved = apply_corrections(start, corrections, known, options, source.confidence)
     base = start.given.with_rows(np.flatnonzero(~known), start.base)
-    return solved, base, float(clouds.binding.wander.nanmedian())
+    return solved, base, float(clouds.binding.wander.nanmedian()), start.parts
 
 
 def _check(skeleton: Skeleton, motion: Motion, known: np.ndarray) -> None:
@@ -184,6 +201,7 @@ def start_from(
     *,
     device: torch.device | str = "cpu",
     options: FillOptions,
+    fixed: Fixed | None = None,
 ) -> Start:
     """The keys as poses, and their plain interpolation; arguments as of `fill_motion`, with a frame missing."""
     keys, gaps = np.flatnonzero(known), np.flatnonzero(~known)
@@ -193,6 +211,14 @@ def start_from(
     key_times, gap_times = (torch.as_tensor(f * (MODEL_FPS / motion.fps), device=device) for f in (keys, gaps))
     smooth = damped_smoothness(key_times, MODEL_FPS) if options.base_smooth is None else options.base_smooth
     glide = None if source.glide is None else source.glide.in_frames(MODEL_FPS)
+    if fixed is not None:
+        parts = PartlyKnown.of(fixed, known, given)
+        token_times = torch.as_tensor(tokens.times, device=device)
+        with torch.no_grad():
+            at_tokens, at_gaps = (
+                parts.base(key_pose, given, motion.fps, glide, times) for times in (token_times, gap_times)
+            )
+        return Start(given, key_pose, at_gaps, Scene(tokens, at_tokens), gap_times, parts)
     scene = Scene(tokens, key_pose.at(key_times, torch.as_tensor(tokens.times, device=device), smooth, glide))
     with torch.no_grad():
         return Start(given, key_pose, key_pose.at(key_times, gap_times, smooth, glide), scene, gap_times)
@@ -217,6 +243,8 @@ def solve_clouds(start: Start, clouds: Clouds, options: SolveOptions) -> Correct
     scene, binding, is_key = start.scene, clouds.binding, start.scene.tokens.is_key
     # What a joint did not do over the keys, noise in the points does not make it do between them.
     prior = turn_prior(start.keys.local, options.turn_prior_rad)
+    if start.parts is not None:
+        prior[start.parts.stiff] = STIFF * torch.eye(3, device=prior.device)
     solved: dict[int, Corrections] = {}
     for block in _blocks_to_solve(is_key):
         targets = _targets_of(scene, clouds, block[0].start, block[-1].stop)
@@ -280,6 +308,8 @@ def apply_corrections(
     values = torch.cat([applied.turns.flatten(1), applied.shifts], -1)
     at_frames = interpolate_values(values, scene.times, start.gap_times, smooth=1.0)  # without kinks
     turns, shifts = at_frames[:, :-3].unflatten(-1, (-1, 3)), at_frames[:, -3:]
+    if start.parts is not None:
+        turns, shifts = start.parts.without(turns, shifts, scene.tokens.fps)
     pose = start.given.with_rows(gaps, start.base.corrected(turns, shifts))
     plain = np.zeros(pose.held.shape[:2], bool)
     plain[gaps] = applied.fallen[scene.tokens.nearest(gaps)]

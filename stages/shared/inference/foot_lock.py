@@ -48,7 +48,7 @@ PIECE_S = 4.0  # a clip is solved in pieces about so long
 NEAR_S = 0.2  # a shift is near to a frame up to so many seconds away
 
 
-def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose:
+def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float, stiff: np.ndarray | None = None) -> SkeletonPose:
     """Hold standing feet in the frames that are not known.
 
     A leg without a joint above its first contact joint cannot be moved, and stays as it is. No measured joint turns
@@ -56,6 +56,7 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
 
     Args:
         pose: T frames, filled, `fps` a second. known: (T,) bool; known frames come back value for value.
+        stiff: (T, J) bool, joints that must not turn in their parents; a leg with such a joint stays as it is there.
 
     Raises: InputError where the skeleton has no two legs.
     """
@@ -72,11 +73,14 @@ def lock_feet(pose: SkeletonPose, known: np.ndarray, fps: float) -> SkeletonPose
         return pose
     limits = PopLimits.of(Steps.of_pose(pose), known, fps)
     turns = [np.zeros(leg.limb.offsets.shape) for leg in legs]
+    still = [known if stiff is None else known | stiff[:, leg.members(pose.skeleton.parents)].any(1) for leg in legs]
     shifts = [np.zeros(want.shifts.shape) for want in wanted]
     for own, around in _pieces(known, PIECE_S * fps):
         fixed = np.arange(around.start, around.stop) < own.start  # solved with the piece before
-        for leg, want, turn, shift in zip(legs, wanted, turns, shifts, strict=True):
-            piece = _Piece(leg.rows(around), want.rows(around), known[around], fixed, shift[around], turn[around])
+        for leg, want, turn, shift, stays in zip(legs, wanted, turns, shifts, still, strict=True):
+            if stays[around].all():
+                continue
+            piece = _Piece(leg.rows(around), want.rows(around), stays[around], fixed, shift[around], turn[around])
             shift[around], turn[around] = _calm(piece, limits.rows(around), fps)
     return without_pops(pose, _with_legs_turned(pose, legs, turns, known), known, fps)
 
@@ -98,6 +102,10 @@ class _Leg:
     limb: Limb
     foot: np.ndarray
     prior: np.ndarray
+
+    def members(self, parents: np.ndarray) -> list[int]:
+        """Its joints, the ankle and what hangs on them."""
+        return _with_what_hangs_on(parents, [self.joints[0]])
 
     def rows(self, rows: slice) -> _Leg:
         """Some of the frames."""

@@ -96,17 +96,20 @@ def solve_limb(
     span: float,
     start: np.ndarray | None = None,
     iterations: int = 6,
+    longest_step: float = np.inf,
 ) -> np.ndarray:
     """Turns (T, n, 3) that shift a limb's end.
 
     Args:
         shifts: (T, 3) wanted of the end in the world, metres.
         prior: (n, 3, 3) precision of the turns, 1 / radians^2.
-        pinned: (T,) bool, frames in which the limb keeps its turns of `start`.
+        pinned: (T,) bool, frames in which the limb keeps its turns of `start`; or (T, n), joints that do.
         noise_m: expected distance of the end from its place, metres.
         span: frames over which corrections come and go.
         start: (T, n, 3) turns to begin with, and the turns of pinned frames; None for no turns. Those of similar
             shifts save iterations.
+        longest_step: radians that a joint may turn about an axis in one iteration; shifts of half a limb's length
+            and more need a bound.
     """
     frames, joints = limb.local.shape[:2]
     start = np.zeros((frames, joints, 3)) if start is None else start
@@ -120,7 +123,8 @@ def solve_limb(
     stiff[0] += 1.0
     base = _banded(stiff, own)
     size = 3 * joints
-    base[0].reshape(frames, size)[pinned] += PINNED
+    stays = np.repeat(pinned if pinned.ndim == 2 else np.repeat(pinned[:, None], joints, axis=1), 3, axis=1)
+    base[0].reshape(frames, size)[stays] += PINNED
     for _ in range(iterations):
         rotations, places, end = limb.turned(turns)
         arms = np.repeat(end[:, None], joints, axis=1) - places
@@ -130,8 +134,10 @@ def solve_limb(
         bands = base.copy()
         _add_blocks(bands, slopes @ slopes.transpose(0, 2, 1))
         pull = (slopes @ missed[..., None])[..., 0] - _times(stiff, turns.reshape(frames, size) @ own)
-        pull[pinned] = 0.0
+        pull[stays] = 0.0
         step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
+        if np.isfinite(longest_step):
+            step = step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True) / longest_step)
         turns = turns + step
         if np.abs(step).max() < CLOSE_RAD:
             break
