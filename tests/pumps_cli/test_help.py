@@ -32,7 +32,7 @@ def options_in(text: str) -> set[str]:
 
 def test_help_is_in_panels_for_each_kind_of_reader(pumps):
     shown = pumps("--help").out
-    assert list(PANELS) == ["Animate", "Data", "Train", "Research"]
+    assert list(PANELS) == ["Animate", "Data", "Meshes", "Train", "Research"]
     assert re.findall(r"╭─ (\w+) ─", shown) == [*PANELS, "Options"]
     animate = shown[shown.index("─ Animate") : shown.index("─ Data")]
     assert [line.split()[1] for line in animate.splitlines() if re.match(r"│ \w", line)][:2] == ["infill", "retarget"]
@@ -91,8 +91,8 @@ def test_trainings_show_what_people_set_and_the_rest_on_request(pumps, stage: St
     few, every = (options_in(pumps(*stage.command, flag).out) for flag in ("--help", "--help-all"))
     own = few - {"help", "help-all", "quiet", "json", "debug", "preset", "config"}
     assert len(own) <= _MOST_SHOWN
-    source = "tpc" if "tpc" in stage.config_type().model_fields else "motion"
-    assert {source, "output", "steps", "batch", "learning-rate", "device", "seed", "overwrite"} <= own
+    assert own & {"tpc", "motion", "mesh", "concepts"}, "what it learns from"
+    assert {"output", "steps", "batch", "learning-rate", "device", "seed", "overwrite"} <= own
     rare = {"clip-norm", "warmup", "average"} - set(stage.without)
     assert few < every and rare <= every - few
     fields = {name.rstrip("_").replace("_", "-") for name in stage.config_type().model_fields}
