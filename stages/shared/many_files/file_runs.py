@@ -32,6 +32,7 @@ from stages.shared.file_names import FileNames
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.readers import AUTO, suffixes_of
 from stages.shared.formats.sources import Source, find_sources
+from stages.shared.formats.text_cells import text_cell
 from stages.shared.formats.writers import SUFFIXES
 from stages.shared.outputs import check_replaceable
 from stages.shared.progress import SILENT, Progress
@@ -255,7 +256,7 @@ def _table(rows: list[dict[str, Any]]) -> bytes:
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({name: text_cell(str(value)) for name, value in row.items()} for row in rows)
     return text.getvalue().encode()
 
 

@@ -129,3 +129,12 @@ def test_nothing_usable_is_an_error(tmp_path: Path):
 def test_what_counts_as_many(folder: Path):
     assert names_many(str(folder)) and names_many(f"{folder}/*.bvh")
     assert not names_many(str(folder / "kick.bvh")) and not names_many("takes.zip!a[1].bvh")
+
+
+def test_a_name_that_a_spreadsheet_takes_for_a_formula_is_text_in_the_table(tmp_path: Path, monkeypatch):
+    (tmp_path / "=1+1").mkdir()
+    shutil.copy(CLIPS / "kick.bvh", tmp_path / "=1+1" / "kick.bvh")
+    monkeypatch.chdir(tmp_path)
+    mirrored(Path("=1+1"), tmp_path / "out")
+    (row,) = rows_of(tmp_path / "out").values()
+    assert row["input"].startswith("'=1+1")
