@@ -37,7 +37,7 @@ def page_of(
         shown = "" if score is None else f", mean silhouette {score:.2f}"
         parts.append(
             markup(
-                "<h2>{}</h2><p>{} anchors of {} clips in {} concepts{}. First in each row: the concept; then the "
+                "<h2>{}</h2><p>Anchors: {}, clips: {}, concepts: {}{}. First in each row: the concept; then the "
                 "anchors nearest to it.</p>{}{}",
                 action, len(poses), len(mine), len(centres), shown, _strips(poses, labels, centres, body),
                 _plane(poses, labels, config.seed),
@@ -48,7 +48,7 @@ def page_of(
         "body{{font-family:sans-serif;margin:2em;max-width:70em}}</style></head><body><h1>Anchor concepts</h1>"
         "<p>Groups of the anchor poses of each action, relative to the pelvis and turned to face the same way. Made "
         "by:</p><pre>{}</pre>{}</body></html>\n",
-        command_line("pumps segment", config), joined(parts, "\n"),
+        command_line("pumps segment", config, arguments=("input",)), joined(parts, "\n"),
     )  # fmt: skip
     return page.encode()
 
