@@ -88,7 +88,7 @@ define made
 	@$(PUMPS) config write --run '$(RUNS)/$(or $(RUN),$(1))' $(patsubst %,--recipe % --data '$(SHARED_DATA)',$(filter-out mine,$(1))) \
 	  $(PRESET:%=--preset '%') $(foreach each,$(DATA),--source '$(each)') $(SPLITS:%=--set 'ingest.splits=%') \
 	  $(foreach each,$(FPS_OVERRIDE),--set 'ingest.fps_override=$(each)') $(foreach each,$(SET),--set '$(each)') $(3)
-	@$(MAKE) --no-print-directory run$(2:%=-%) RUN='$(or $(RUN),$(1))' $(4)
+	+@$(MAKE) --no-print-directory run$(2:%=-%) RUN='$(or $(RUN),$(1))' $(4)
 endef
 
 R := $(RUNS)/$(or $(RUN),mine)

@@ -98,6 +98,7 @@ def test_jobs_at_once_keep_the_order(run: Run):
     ran = run.make(flags=["-j4"])
     assert set(ran) == ALL and in_order(ran)
     assert run.make(flags=["-j4"]) == []
+    assert "jobserver" not in run.said, "the run's own make shares the jobs"
 
 
 def test_a_missing_source_is_told_before_anything_runs(run: Run):

@@ -69,7 +69,7 @@ def _goal(recipe: Recipe, name: str) -> Iterator[str]:
     yield f".PHONY: {target}"
     if makers:
         yield f"{target}: {' '.join(_target(recipe, recipe.nodes[each]) for each in makers)}"
-        yield f"\t@$(again) {target}-all"
+        yield f"\t+@$(again) {target}-all"
         target += "-all"
         yield f".PHONY: {target}"
     yield f"{target}: {' '.join(_target(recipe, recipe.nodes[each]) for each in goal.nodes)}"
