@@ -14,6 +14,12 @@ GOAL   ?=
 TABLE3_STEPS   ?= 400
 TABLE4_STEPS   ?= 300
 TABLE4_WINDOWS ?= 20
+SPECTRAL_STEPS ?= 60000
+SPECTRAL_CLOTHS ?= 2000
+SPECTRAL_WINDOWS ?= 0
+SPECTRAL_IDENTITIES ?= 32
+BODY_PARTS_STEPS   ?= 6000
+BODY_PARTS_WINDOWS ?= 200
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
@@ -34,3 +40,11 @@ table1 table2 table3 table4 latent-report solve-report solve-pages held-out unse
 	$(call made,$(or $(RECIPE_$@),$@),$(GOAL_$@),$(WITH_$@),$(UNTIL_SLICE))
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
+
+# A third of the steps for cloth and completion; the autoencoder trains alone for a twentieth.
+SPECTRAL_PART = $(shell expr $(SPECTRAL_STEPS) / 20)
+WITH_spectral-tables = --with 'steps=$(SPECTRAL_STEPS)' --with 'third=$(shell expr $(SPECTRAL_STEPS) / 3)' --with 'static=$(SPECTRAL_PART)' --with 'validate=$(SPECTRAL_PART)' --with 'cloths=$(SPECTRAL_CLOTHS)' --with 'windows=$(SPECTRAL_WINDOWS)' --with 'identities=$(SPECTRAL_IDENTITIES)'
+spectral-tables: $(VENV)/installed-mesh
+	$(call made,spectral,,$(WITH_spectral-tables),$(UNTIL_SLICE))
+body-parts-table1 body-parts-table2 body-parts-table3: install
+	$(call made,body-parts,$(@:body-parts-%=%),--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')

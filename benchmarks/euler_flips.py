@@ -20,11 +20,11 @@ import torch
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.infill.euler_path import JUMP_DEGREES
-from stages.infill.euler_rows import rows_between_keys
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, rate_of
 from stages.shared.formats.bvh_rows import layout_of
+from stages.shared.formats.euler_path import JUMP_DEGREES
+from stages.shared.formats.euler_rows import rows_between_keys
 from stages.shared.formats.sources import find_sources
 from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filling import fill_motion

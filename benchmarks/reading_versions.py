@@ -1,7 +1,9 @@
 """Time reading by two checkouts of this project in turn, beside other libraries, and measure the memory it takes.
 
-    git worktree add ../before COMMIT
-    python benchmarks/reading_versions.py ../before ARCHIVE ... [--rounds 3] [--page docs/performance.md]
+    python benchmarks/reading_versions.py [ARCHIVE ...] [--base HEAD] [--rounds 3] [--page docs/performance.md]
+
+Without archives it reads the embedded clips, each 40 times; without a base it compares the files as they are with the
+last commit.
 
 Each checkout reads in a process of its own; only one of them computes at any time. Rates are megabytes of text for
 each CPU second of one process, on the same files. Parsing is `read_bvh` of bytes in memory; the whole way is `pumps
@@ -21,7 +23,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from measuring.checkouts import checked_out
 from measuring.section import replace_section
+from reading import embedded
 
 from stages.shared.formats.sources import find_sources
 
@@ -179,21 +183,19 @@ def table(rows: Sequence[dict[str, Any]], peaks: Sequence[tuple[str, float, floa
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("before", type=Path, nargs="?", help="the other checkout")
     parser.add_argument("archives", nargs="*")
+    parser.add_argument("--base", default="HEAD", help="the commit to compare with")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--page", type=Path, help="a page whose section is to be replaced")
     options = parser.parse_args()
-    if options.before is None or not options.archives:
-        print("Give another checkout of this project to compare with, and archives of BVHs.")
-        return
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, checked_out(options.base) as before:
         folder = Path(name)
+        archives = options.archives or [embedded(folder)]
         rows = []
-        for archive in options.archives:
-            rows += compared(options.before, archive, folder, options.rounds)
-        size = long_file(options.archives[-1], folder / "long.bvh")
-        old, new = (memory(root, folder / "long.bvh") for root in (options.before, HERE))
+        for archive in archives:
+            rows += compared(before, archive, folder, options.rounds)
+        size = long_file(archives[-1], folder / "long.bvh")
+        old, new = (memory(root, folder / "long.bvh") for root in (before, HERE))
     peaks = [("parsing, the text included", old[0], new[0]), ("whole `ingest`, one worker", old[1], new[1])]
     text = table(rows, peaks, size)
     if options.page:

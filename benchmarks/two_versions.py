@@ -15,11 +15,9 @@ import argparse
 import statistics
 import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
+from measuring.checkouts import checked_out
 from measuring.section import replace_section
 
 HERE = Path(__file__).resolve().parent.parent
@@ -80,23 +78,6 @@ for line in sys.stdin:
     cases[int(line)]()
     print(time.process_time() - began, flush=True)
 """
-
-
-@contextmanager
-def checked_out(commit: str) -> Iterator[Path]:
-    """A folder with the files of a commit of this repository, removed at the end.
-
-    Raises: SystemExit if there is no such commit.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        base = Path(folder).resolve() / "base"
-        git = ["git", "-C", str(HERE), "worktree"]
-        if not commit or subprocess.run([*git, "add", "--quiet", "--detach", str(base), commit]).returncode:
-            raise SystemExit(f"{commit!r} is no commit of this repository; give one, as in BASE=HEAD~1.")
-        try:
-            yield base
-        finally:
-            subprocess.run([*git, "remove", "--force", str(base)])
 
 
 def started(root: Path) -> subprocess.Popen[str]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from data_schemas import skeleton as records
+from pumps import editing
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +80,70 @@ class Motion:
         from stages.shared.kinematics.forward_numpy import positions_of
 
         return _read_only(positions_of(self.skeleton, self.record))
+
+    def trim(self, first: int, stop: int | None = None) -> Motion:
+        """Frames `first` to `stop - 1`, to the end where `stop` is None; negative numbers count from the end.
+
+        Raises: InputError for frames that are not in the motion.
+        """
+        return editing.trim(self, first, stop)
+
+    def resample(self, fps: float) -> Motion:
+        """The motion at another rate; poses at times that both rates have stay value for value.
+
+        Raises: UsageError for a rate that is not above 0.
+        """
+        return editing.resample(self, fps)
+
+    def mirror(self, across: str = "auto") -> Motion:
+        """The motion with left and right exchanged, on the same skeleton.
+
+        Args:
+            across: "x" or "z", the axis along which the world is mirrored; "auto" for the one from the body's left to
+                its right at rest.
+
+        Raises: InputError for a skeleton without pairs of joints.
+        """
+        return editing.mirror(self, across)
+
+    def smooth(self, seconds: float = 0.3, *, method: str = "savgol") -> Motion:
+        """The motion averaged over about so many seconds, by "savgol" or "butterworth"; both ends stay."""
+        return editing.smooth(self, seconds, method)
+
+    def loop(
+        self,
+        seconds: float | None = None,
+        *,
+        weights: str | os.PathLike[str] | None = None,
+        seed: int = 0,
+        device: str = "auto",
+    ) -> Motion:
+        """The motion with frames added that lead to its first pose, moved on, so that it can be repeated.
+
+        Args:
+            seconds: of the frames added; None to find a time. weights, seed, device: as of `pumps.infill`.
+
+        Raises: InputError for a motion of fewer than 3 frames.
+        """
+        return editing.loop(self, seconds, weights, seed, device)
+
+    def join(
+        self,
+        then: Motion,
+        seconds: float = 0.5,
+        *,
+        weights: str | os.PathLike[str] | None = None,
+        seed: int = 0,
+        device: str = "auto",
+    ) -> Motion:
+        """This motion, filled frames, and a second motion of the same rig, put where this one ends.
+
+        Args:
+            seconds: of the frames between the two; 0 for none. weights, seed, device: as of `pumps.infill`.
+
+        Raises: InputError for a motion of another rig, which `pumps.retarget` puts on this one.
+        """
+        return editing.join(self, then, seconds, weights, seed, device)
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:

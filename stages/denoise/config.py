@@ -7,11 +7,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, ManyFilesConfig, SeededConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(WritingConfig, DeviceConfig, SeededConfig):
+class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
     """Clean a noisy motion on its own skeleton: find noisy and missing frames, mend them, keep the others."""
 
     input: Path = Field(

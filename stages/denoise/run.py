@@ -13,15 +13,17 @@ from stages.denoise.summary import figures_of, lines_of
 from stages.shared.contract import StageReport
 from stages.shared.formats.writers import SUFFIXES
 from stages.shared.inference.denoising import Denoised, DenoiseOptions, denoise_motion
-from stages.shared.inference.models import load_weights
+from stages.shared.inference.kept_models import kept_models
 from stages.shared.inference.pose_denoising import check_rig, refined
 from stages.shared.inference.pose_model import PoseModel, load_pose_model
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
 NO_WEIGHTS = "none"
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Clean a motion.
 
@@ -68,7 +70,7 @@ def clean_file(file: MotionFile, config: Config) -> Denoised:
         missing,
         options=options,
         # Called only for a long gap, since loading weights takes longer than cleaning a short clip.
-        models=None if config.fill == NO_WEIGHTS else lambda: load_weights(config.fill, config.device),
+        models=None if config.fill == NO_WEIGHTS else lambda: kept_models(config.fill, config.device),
         refine=None if model is None else lambda noisy, mended: refined(model, skeleton, noisy, mended),
         frames=frames,
         joints=joints,

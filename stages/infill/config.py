@@ -7,16 +7,16 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, ManyFilesConfig, SeededConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(WritingConfig, DeviceConfig, SeededConfig):
+class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
     """Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton."""
 
     input: Path = Field(
         description="File to fill: a BVH, or a CSV of a robot's joint angles. Rows between keyframes are "
-        "ignored. FILE.zip!MEMBER reads from an archive."
+        "ignored. FILE.zip!MEMBER reads from an archive; of a folder, an archive or a pattern, each file is filled."
     )
     output: Path = Field(
         description="File to write. With the input's suffix it keeps the input's layout; .bvh, .glb, .npz, .csv "

@@ -6,9 +6,9 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.infill.euler_rows import EulerJump, rows_between_keys
 from stages.shared.formats.bvh import BvhFile
 from stages.shared.formats.bvh_rows import layout_of
+from stages.shared.formats.euler_rows import EulerJump, rows_between_keys
 from stages.shared.inference.constraints.known_parts import KnownParts
 from stages.shared.inference.constraints.rig_parts import placing_joints
 

@@ -12,11 +12,11 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
-from stages.infill.euler_rows import rows_between_keys, sentences_of_jumps
 from stages.infill.part_rows import columns_given, rows_between_parts, values_given
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of, rate_of
 from stages.shared.formats.bvh_write import write_bvh
+from stages.shared.formats.euler_rows import rows_between_keys, sentences_of_jumps
 from stages.shared.formats.readers import recognise, rig_beside
 from stages.shared.formats.recording import Asked, recording_of
 from stages.shared.formats.rig_option import rig_named

@@ -19,7 +19,6 @@ from stages.infill.constrained import (
     motion_of_keys,
     request_in_parts,
 )
-from stages.infill.gap_speed import sentences_of_speed
 from stages.infill.request import Request, request_of
 from stages.infill.row_files import RowFile, row_file
 from stages.infill.summary import (
@@ -39,8 +38,11 @@ from stages.shared.inference.constraints.asked import Constraints
 from stages.shared.inference.constraints.fixed import Fixed
 from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
-from stages.shared.inference.models import Models, load_weights
+from stages.shared.inference.kept_models import kept_models
+from stages.shared.inference.models import Models
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.kinematics.gap_speed import sentences_of_speed
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
@@ -54,6 +56,7 @@ class Region(NamedTuple):
     of_all: np.ndarray  # which of the request's keys these are
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Fill a BVH or a robot's joint angles. Rows that are neither keys nor outside of them are not read.
 
@@ -63,7 +66,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_file(config, SUFFIXES.values())
     file = row_file(source_named(str(config.input)), config)
     progress.start("filling", 3)
-    models = load_weights(config.weights, config.device)
+    models = kept_models(config.weights, config.device)
     progress.advance(note="weights")
     made = fill_file(file, config, models)
     progress.advance(note="filled")

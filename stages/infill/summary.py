@@ -108,4 +108,4 @@ def lines_of_pins(filled: Filled) -> list[str]:
     if not filled.pins_off_m:
         return []
     shown = ", ".join(f"{name} {off * 1000:.1f} mm" for name, off in filled.pins_off_m.items())
-    return [f"Pinned ends are from their places at most: {shown}."]
+    return [f"Largest distances of pinned ends from their places: {shown}."]

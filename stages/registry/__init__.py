@@ -5,21 +5,37 @@ Modules are named by strings, so that asking what stages there are loads none of
 
 from __future__ import annotations
 
-from stages.registry import pipeline, tools
+from stages.registry import editing, pipeline, tools
 from stages.registry.stage import Stage
 
-STAGES: tuple[Stage, ...] = pipeline.STAGES + tools.STAGES
+STAGES: tuple[Stage, ...] = pipeline.STAGES + editing.STAGES + tools.STAGES
 
 # What `pumps --help` shows: panel -> words after `pumps`, in the order of reading.
 PANELS = {
-    "Animate": ("infill", "retarget", "denoise", "estimate", "inspect", "export", "report", "formats", "doctor"),
+    "Animate": (
+        "infill",
+        "retarget",
+        "edit",
+        "denoise",
+        "estimate",
+        "segment",
+        "refine",
+        "inspect",
+        "export",
+        "report",
+        "formats",
+        "doctor",
+    ),
     "Data": ("data", "ingest", "artefact"),
+    "Meshes": ("skin", "simulate-cloth", "predict-mesh", "complete-mesh", "export-mesh"),
     "Train": ("sample-tpc", "encode", "train", "weights", "config"),
-    "Research": ("evaluate", "measure", "decode", "project", "results", "stages"),
+    "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),
 }
 
 GROUP_SUMMARIES = {
+    "body-parts": "Put bodies together from trained parts.",
     "data": "List and download public data sets; pick clips, or put them on other rigs.",
+    "edit": "Change whole files: trim, resample, mirror, smooth, loop, join.",
     "ingest": "Read recordings into a motion artefact.",
     "measure": "Measure one part: autoencoders, latents, the solver, motions.",
     "train": "Train a network.",

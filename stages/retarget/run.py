@@ -25,6 +25,7 @@ from stages.shared.inference.retarget_clouds import SIGMA_M, pull_to_places
 from stages.shared.inference.skeleton_decoding import decode_cloud, load_rig_network, solve_from_network
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, foot_skate_mps
 from stages.shared.kinematics.forward import positions_of
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.outputs import check_file, write_output
 from stages.shared.pointcloud.drawn_points import draw_on_skeleton
@@ -34,6 +35,7 @@ from stages.shared.solve.skeleton_pose import pose_of_motion
 STRANGE_RAD = np.radians(45)  # reference poses further apart than this, on average, are worth a warning
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Retarget a recording.
 

@@ -39,6 +39,23 @@ class WritingConfig(StageConfig):
     overwrite: bool = Field(False, exclude=True, description="Replace an output that exists.")
 
 
+class ManyFilesConfig(WritingConfig):
+    """A stage that makes one file of another, and files in a folder of all those in a folder, glob or archive."""
+
+    jobs: int = Field(
+        0,
+        exclude=True,
+        description="Processes that work on the files of a folder, glob or archive; 0 for one per core.",
+        ge=0,
+        le=1024,
+    )
+    suffix: str | None = Field(
+        None,
+        description="Suffix of the files written for a folder, glob or archive, such as .glb; by default each "
+        "input's own where pumps writes it, else .bvh.",
+    )
+
+
 class DeviceConfig(StageConfig):
     """A stage that runs a network."""
 

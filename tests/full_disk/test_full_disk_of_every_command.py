@@ -19,6 +19,7 @@ from pumps_cli.app import build_app, tool_words
 from stages.registry import STAGES
 from stages.shared.contract import WritingConfig
 from tests.full_disk.writing_commands import CLIPS, FIRST_FORMS, PREPARED, PRINTING, WRITINGS
+from tests.shared.meshes.figures import write_bodies
 
 REPOSITORY = Path(__file__).parents[2]
 DOWNLOAD = bytes(range(256)) * 400
@@ -78,6 +79,8 @@ def test_a_full_disk(tmp_path: Path, disk: Path, catalogue: str) -> None:
     made = tmp_path / "made"
     made.mkdir()
     (made / "catalogue.toml").write_text(catalogue)
+    write_bodies(made / "boxes")
+    (made / "body.toml").write_text(f'weights = "{made / "parts"}"\nmotion = "{CLIPS / "kick.bvh"}"\n')
     (made / "rig.bvh").write_text((CLIPS / "kick.bvh").read_text().replace("-42.1546", "-45.5"))  # longer thighs
     ended = subprocess.run(
         [sys.executable, "-m", "tests.full_disk.forked_commands", str(made), str(disk), "empty", "half"],

@@ -13,6 +13,11 @@ _ENCODER = "--encoder.width 8 --encoder.blocks 2 --encoder.neighbours 4 --encode
 _TRAINING = (
     "--steps 2 --batch 2 --window 32 --points 24 --warmup 1 --validate-every 2 --checkpoint-every 1 --device cpu"
 )
+_SPECTRAL = (
+    "--window 5 --stride 1 --steps 2 --static-steps 1 --batch 2 --warmup 1 --validate-every 2 --checkpoint-every 1 "
+    "--network.channels 4 --network.latent 8 --network.heads 2 --network.layers 1 --network.feedforward 8 "
+    "--device cpu"
+)
 _LAYERS = "--synthesiser.key-layers 1 --synthesiser.fill-layers 1 --synthesiser.frame-layers 1"
 _ALL = "--splits train --splits val --splits test"
 
@@ -79,7 +84,31 @@ WRITINGS = (
         "lifter", "train finetune",
         f"--task estimate --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
     ),
+    Writing(
+        "parts", "train body-parts",
+        "--motion {made}/motion --parts 5 --network vae --rate-hz 30 --blocks 1 --latent 30 --steps 2 --batch 2 "
+        "--window 16 --validate-every 2 --checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing(
+        "measured-parts", "measure body-parts",
+        "--motion clips={made}/motion --weights mine={made}/parts --splits train --seeds 1 --max-windows 2 "
+        "--device cpu -o {out}",
+    ),
+    Writing(
+        "streamed", "stream",
+        "--motion {made}/motion --weights mine={made}/parts --splits train --seeds 1 --max-clips 1 --loss 0.1 "
+        "--device cpu -o {out}",
+    ),
+    Writing("composed.bvh", "body-parts compose", "{made}/body.toml -o {out} --device cpu"),
     Writing("cleaned.bvh", "denoise", f"{CLIPS}/kick.bvh -o {{out}}"),
+    *(
+        Writing(f"edited-{verb}.bvh", f"edit {verb}", f"{CLIPS}/kick.bvh {words} -o {{out}}")
+        for verb, words in (
+            ("trim", "--frames 5:25"), ("resample", "--fps 60"), ("mirror", ""), ("smooth", ""),
+            ("loop", "--blend 0.1 --weights {made}/run --device cpu"),
+            ("join", f"{CLIPS}/kick.bvh --blend 0.1 --weights {{made}}/run --device cpu"),
+        )
+    ),
     Writing("keypoints.json", "project", f"{CLIPS}/kick.bvh -o {{out}}"),
     Writing("lifted.bvh", "estimate", "{made}/keypoints.json -o {out} --device cpu"),
     Writing("picked", "data pick", "--motion {made}/motion --count 1 -o {out}"),
@@ -153,6 +182,26 @@ WRITINGS = (
         "solved/metrics", "measure solve",
         "--motion {made}/motion --intervals 15 --conditions true --points 32 --made {out}-kept --device cpu -o {out}",
     ),
+    Writing("concepts", "segment", "{made}/motion -o {out}"),
+    Writing(
+        "grouped", "segment",
+        "{made}/acting --fps 20 --actions (walk|run).bvh --cluster kmeans --clusters 2 -o {out}",
+    ),
+    Writing(
+        "learned", "train concepts",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --latent 2 --warmup 1 "
+        "--validate-every 2 --checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing(
+        "refined.bvh", "refine",
+        f"{CLIPS}/kick.bvh --action walk --weights {{made}}/learned --device cpu -o {{out}}",
+    ),
+    Writing(
+        "recogniser", "train recogniser",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --warmup 1 --validate-every 2 "
+        "--checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing("measured-anchors", "measure anchors", "--motion {made}/motion --splits train --lambdas 200 -o {out}"),
     Writing("packed", "weights pack", "{made}/run -o {out}"),
     Writing(
         "calibrated", "weights calibrate",
@@ -173,6 +222,31 @@ WRITINGS = (
         "walks --catalogue {made}/catalogue.toml --acceptances {made}/accepted.json --accept-licence -o {out}",
         replaces=False,
     ),
+    Writing(
+        "cloth", "simulate-cloth",
+        "--count 3 --seconds 0.2 --rows 5 --size-m 0.3 --steps-per-second 200 -o {out}",
+    ),
+    Writing(
+        "predictor", "train spectral",
+        f"--mesh {{made}}/cloth --eigenvectors 8 --known 3 {_SPECTRAL} -o {{out}}",
+    ),
+    Writing(
+        "completer", "train spectral",
+        f"--task complete --mesh {{made}}/cloth --eigenvectors 8 --known 2 {_SPECTRAL} -o {{out}}",
+    ),
+    Writing(
+        "predicted", "predict-mesh",
+        "--mesh {made}/cloth --weights {made}/predictor --frames 3 --device cpu -o {out}",
+    ),
+    Writing(
+        "completed", "complete-mesh", "--mesh {made}/cloth --weights {made}/completer --device cpu -o {out}"
+    ),
+    Writing(
+        "measured-meshes", "measure spectral",
+        "--mesh {made}/cloth --weights mine={made}/predictor --known 3 --ahead 2 --splits test --device cpu -o {out}",
+    ),
+    Writing("cloth.html", "export-mesh", "{made}/cloth -o {out}"),
+    Writing("skinned", "skin", f"{CLIPS}/kick.bvh --bodies {{made}}/boxes -o {{out}}"),
     Writing("merged", "artefact merge", "{made}/part-1 {made}/part-2 -o {out}"),
     Writing("written", "config write", "--run {out} --preset tiny --source {made}/motion", asks=False),
     Writing("page.md", "formats", "--page {out}", asks=False),
@@ -181,6 +255,11 @@ FIRST_FORMS = tuple({writing.command: writing for writing in reversed(WRITINGS)}
 # What some of these read besides.
 PREPARED = (
     Writing("rigs", "ingest bvh", "{made}/rig.bvh --workers 1 -o {out}"),
+    Writing(
+        "acting",
+        "ingest bvh",
+        f"{CLIPS}/walk.bvh {CLIPS}/run.bvh --splits {CLIPS}/splits.json --licence CC0 --workers 1 -o {{out}}",
+    ),
     *(
         Writing(f"part-{part}", "sample-tpc", f"--motion {{made}}/motion --points 64 --shard {part}/2 -o {{out}}")
         for part in (1, 2)

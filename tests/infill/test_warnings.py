@@ -9,7 +9,6 @@ import pytest
 
 from data_schemas.errors import InputError
 from stages.infill.config import Config
-from stages.infill.gap_speed import LIMB_MPS, PELVIS_MPS, sentences_of_speed
 from stages.infill.request import request_of
 from stages.infill.row_files import row_file
 from stages.inspect.config import Config as InspectConfig
@@ -17,6 +16,7 @@ from stages.inspect.run import run as inspect
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.sources import source_named
+from stages.shared.kinematics.gap_speed import LIMB_MPS, PELVIS_MPS, sentences_of_speed
 from tests.shared.formats.bvh_texts import BvhText
 
 

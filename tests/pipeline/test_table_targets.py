@@ -18,8 +18,10 @@ RECIPE_OF = {
     "table4": "table4",
     "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
+    "body-parts-table1": "body-parts", "body-parts-table2": "body-parts", "body-parts-table3": "body-parts",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small", "lifter": "lifter",
+    "spectral-tables": "spectral",
 }  # fmt: skip
 
 MEMBERS = {"cmu-various": ["cmu-various/06/06_01.bvh"]}  # which recipes name: the rig of the lifter
@@ -33,7 +35,7 @@ class Table(Run):
         self.target = target
         self.venv = folder / "venv"
         (self.venv / "bin").mkdir(parents=True)
-        for name in ("bin/python", "installed", "installed-dev"):
+        for name in ("bin/python", "installed", "installed-dev", "installed-mesh"):
             (self.venv / name).write_text("#!/bin/sh\n")
             (self.venv / name).chmod(0o755)
 
@@ -146,6 +148,7 @@ def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_pa
     assert table.make(flags=flags, code=2) == []
     g1 = ("lafan1-g1.zip", "forward kinematics")
     origins = {"table1": g1, "table3": g1, "table4": ("bandai-namco-1.zip", "data fetch bandai-namco-1")}
+    origins |= {f"body-parts-table{number}": ("hdm05.zip", "cut clips") for number in (1, 2, 3)}
     named, origin = origins.get(target, ("cmu-dance.zip", "cgspeed"))
     assert named in table.said and origin in table.said.lower() and "nowhere" in table.said
 

@@ -48,7 +48,7 @@ def write_bvh(
         raise PumpsError(f"{bvh.name}: a value to write is not finite.")
     head = bvh.motion_head
     if count != bvh.frames:
-        head = _FRAMES_LINE.sub(lambda match: f"{match[1]}{count}", head, count=1)
+        head = with_frame_count(head, count)
     if frame_time is not None:
         head = _FRAME_TIME_LINE.sub(lambda match: f"{match[1]}{frame_time:.9g}", head, count=1)
     text = format_rows(values[made], decimals)
@@ -63,6 +63,11 @@ def write_bvh(
             rows[frame] = bvh.rows[row]
     newline = bvh.newline.encode()
     return bvh.header.encode(bvh.encoding) + head.encode(bvh.encoding) + newline.join(rows) + newline
+
+
+def with_frame_count(motion_head: str, count: int) -> str:
+    """The text of the MOTION, Frames and Frame Time lines with another number of frames."""
+    return _FRAMES_LINE.sub(lambda match: f"{match[1]}{count}", motion_head, count=1)
 
 
 def format_rows(values: np.ndarray, decimals: int = DECIMALS) -> list[bytes]:

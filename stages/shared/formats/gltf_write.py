@@ -49,8 +49,8 @@ def glb_of_motion(skeleton: Skeleton, motion: Motion, name: str, *, bind: str = 
     if bind == "rest":
         turns = np.tile((0.0, 0.0, 0.0, 1.0), (skeleton.joints, 1))
         turns[0] = _upright(skeleton)
-    document = _Document()
-    joints = [_node(skeleton.names[j], places[j], turns[j]) for j in range(skeleton.joints)]
+    document = GlbDocument()
+    joints = [bone_node(skeleton.names[j], places[j], turns[j]) for j in range(skeleton.joints)]
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent >= 0:
             joints[parent].children = [*(joints[parent].children or []), joint]
@@ -80,7 +80,7 @@ def _upright(skeleton: Skeleton) -> np.ndarray:
     return still if rise[1] > turn.apply(rise)[1] else turn.as_quat()
 
 
-def _node(name: str, place: np.ndarray, turn: np.ndarray) -> gltf.Node:
+def bone_node(name: str, place: np.ndarray, turn: np.ndarray) -> gltf.Node:
     turn = turn / np.linalg.norm(turn)
     return gltf.Node(name=name, translation=[float(v) for v in place], rotation=[float(v) for v in turn])
 
@@ -96,7 +96,7 @@ def _world(parents: np.ndarray, places: np.ndarray, turns: np.ndarray) -> tuple[
 
 
 @dataclass
-class _Document:
+class GlbDocument:
     """A glTF document and its one buffer."""
 
     out: gltf.GLTF2 = field(default_factory=lambda: gltf.GLTF2())

@@ -174,7 +174,8 @@ class _Run:
     def _step(self, batches: Any, late: bool) -> dict[str, Tensor]:
         """One step of the optimiser. Returns scalar tensors, on the device, that `_seen` reads."""
         config, step, task = self.config, self.place.step, self.task
-        rate = learning_rate(config, step, self.place.seconds)
+        own = task.rate(step)
+        rate = learning_rate(config, step, self.place.seconds) if own is None else own
         task.networks.train()
         self.optimiser.zero_grad()
         whole = self.ranks.count * len(self.parts) == 1

@@ -10,6 +10,7 @@ import torch
 
 from data_schemas.artefact import open_artefact, write_artefact
 from data_schemas.checkpoint import read_checkpoint, write_checkpoint
+from data_schemas.clips import ClipReader
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.tpc import TpcReader
@@ -40,7 +41,7 @@ def window_pools(
         return training, training
 
 
-def data_of(*readers: TpcReader) -> TrainingData:
+def data_of(*readers: ClipReader) -> TrainingData:
     """The facts of the clips that are trained on: those of the split `train` in all artefacts."""
     return training_data([row for reader in readers for row in reader.clips if row.split == "train"])
 
@@ -132,8 +133,8 @@ def _card(
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",
         *[f"- Started from: weights of {_told(each)}{_on_other(each, last)}." for each in reversed(trainings[:-1])],
-        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames of "
-        f"{config.points} points, seed {config.seed}.",
+        f"- Training: {_told(last)}, a step of {config.batch} windows of {config.window} frames"
+        f"{f' of {config.points} points' if config.points else ''}, seed {config.seed}.",
         "",
         f"Validation of these weights, at step {best_step}:",
         "",

@@ -65,6 +65,10 @@ class TrainingTask(ABC, Generic[Networks]):
         """Weight of a part of `rows` windows in the whole batch's loss."""
         return float(rows)
 
+    def rate(self, step: int) -> float | None:
+        """The learning rate at a step; None for that of the loop (`loop.learning_rate`)."""
+        return None
+
     def draw(self, rng: RowRandom) -> Any:
         """A batch drawn in this process."""
         return self.drawer().draw(rng)

@@ -136,3 +136,33 @@ class MethodSizes(Sizes):
     def over(self, paper: MethodSizes) -> MethodSizes:
         """These sizes, with the paper's for those that are 0."""
         return MethodSizes(**{name: value or getattr(paper, name) for name, value in self.model_dump().items()})
+
+
+class SpectralSizes(Sizes):
+    """The spectral autoencoder and the motion transformer (SpecTrHuMS 4.4; channels and pooling: SAE-LP)."""
+
+    channels: tuple[int, ...] = Field(
+        default=(32, 64, 128),
+        description="Channels of the autoencoder's layers. The paper states three layers and not their channels.",
+    )
+    pooling: int = Field(default=4, ge=2, description="Factor by which a layer shortens the list of coefficients.")
+    convolution: int = Field(default=3, ge=1, description="Coefficients that a convolution sees; odd.")
+    latent: int = Field(default=256, ge=4, description="Width of a frame's latent, and of the transformer.")
+    heads: int = Field(default=4, ge=1, description="Attention heads.")
+    layers: int = Field(default=6, ge=1, description="Layers of the transformer.")
+    feedforward: int = Field(default=1024, ge=4, description="Hidden width of the transformer's feed-forward parts.")
+    dropout: float = Field(default=0.1, ge=0, lt=1, description="Dropout of the transformer.")
+
+    @model_validator(mode="after")
+    def _fits(self) -> SpectralSizes:
+        if self.latent % self.heads:
+            raise ValueError(f"latent ({self.latent}) must be a multiple of heads ({self.heads})")
+        if not self.channels or self.convolution % 2 == 0:
+            raise ValueError("channels must name at least one layer, and convolution must be odd")
+        return self
+
+
+class JointMlpSizes(Sizes):
+    """siMLPe: fully connected layers over time, on the discrete cosine transform of joints."""
+
+    blocks: int = Field(default=48, ge=1, description="Blocks, each a layer over time and a layer norm.")

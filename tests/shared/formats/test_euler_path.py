@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from stages.infill.euler_path import JUMP_DEGREES, largest_step, path_between, through_lock
-from stages.infill.euler_rows import EulerJump, sentences_of_jumps
 from stages.shared.formats.euler import LOCKED, angles_near, other_triple, to_quaternions
+from stages.shared.formats.euler_path import JUMP_DEGREES, largest_step, path_between, through_lock
+from stages.shared.formats.euler_rows import EulerJump, sentences_of_jumps
 
 ORDER = "ZXY"
 

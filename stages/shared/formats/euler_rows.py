@@ -2,8 +2,8 @@
 
 A key's angles are the file's own and may be written in any of the equal forms (plus 360 degrees, or the other
 triple). A curve that follows the key before may therefore arrive in another form than the key after has. Then the
-curve without a jump that reaches that form is searched for (`stages.infill.euler_path`). Where there is none, the
-curve is followed from both keys and changes its form inside the gap, where it hurts least: near plus or minus 180
+curve without a jump that reaches that form is searched for (`stages.shared.formats.euler_path`). Where there is none,
+the curve is followed from both keys and changes its form inside the gap, where it hurts least: near plus or minus 180
 degrees, as the curves in the wild do. Such a jump is reported.
 """
 
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from data_schemas.skeleton import Motion, Skeleton
-from stages.infill.euler_path import JUMP_DEGREES, path_between, through_lock
 from stages.shared.formats.bvh import BvhFile
 from stages.shared.formats.bvh_rows import layout_of, values_of
+from stages.shared.formats.euler_path import JUMP_DEGREES, path_between, through_lock
 
 SAME_DEGREES = 1.0  # forms of an angle differ by far more, rounding by far less
 _SHOWN = 4

@@ -1,0 +1,26 @@
+"""Settings of `pumps edit loop`."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig
+from stages.shared.editing.settings import EditConfig
+from stages.shared.weights.shipped import default_weights
+
+
+class Config(EditConfig, DeviceConfig, SeededConfig):
+    """Add frames that lead from a clip's last pose to its first one, moved on."""
+
+    blend: float | None = Field(
+        None,
+        description="Seconds of the frames added; by default 0.1 to 1 s: what the way takes at the clip's usual "
+        "speed, and longer where a seam is not smooth.",
+        gt=0,
+        le=10,
+    )
+    weights: str = Field(
+        default_factory=default_weights,
+        json_schema_extra={NAMES_OF: "weights"},
+        description="Weights that fill, by name (`pumps weights list`), or a folder with ae and lms.",
+    )

@@ -1,0 +1,19 @@
+"""Settings of `pumps edit smooth`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from stages.shared.editing.settings import EditConfig
+
+
+class Config(EditConfig):
+    """Smooth a whole motion in time."""
+
+    seconds: float = Field(0.3, description="Time over which each frame is averaged.", gt=0, le=10)
+    method: Literal["savgol", "butterworth"] = Field(
+        "savgol",
+        description="savgol fits a curve of degree 3; butterworth removes what swings faster than --seconds.",
+    )

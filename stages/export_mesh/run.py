@@ -1,0 +1,75 @@
+"""`pumps export-mesh`: a mesh sequence as a GLB with skin, or as a page that plays bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+from data_schemas.errors import InputError, UsageError
+from data_schemas.mesh import MeshReader
+from stages.export_mesh.config import Config
+from stages.export_mesh.page import Played, page_of
+from stages.shared.contract import StageReport
+from stages.shared.meshes.skinned_glb import glb_of_body
+from stages.shared.outputs import check_file, write_output
+from stages.shared.progress import SILENT, Progress
+
+_CLIPS_OF_PAGE = 4
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Write the file.
+
+    Raises: UsageError for another suffix, or several clips for a GLB; InputError for a clip that is not there, or one
+        without bones for a GLB.
+    """
+    check_file(config, (".glb", ".html"))
+    progress.start("Writing meshes")
+    page = config.output.suffix.lower() == ".html"
+    with MeshReader(config.input) as reader:
+        names = config.clip or tuple(row.clip for row in reader.clips)[: _CLIPS_OF_PAGE if page else 1]
+        if page:
+            with ExitStack() as opened:
+                readers = {config.name: reader}
+                for text in config.beside:
+                    name, mark, path = text.partition("=")
+                    if not mark or name in readers:
+                        raise UsageError(f"--beside {text} is not NAME=MESHES, or its name is taken.")
+                    readers[name] = opened.enter_context(MeshReader(path))
+                faces = {name: each.topology.faces for name, each in readers.items()}
+                data = page_of(list(_played(config, readers, names)), faces, f"Meshes of {config.input.name}")
+        else:
+            data = _glb(config, reader, names)
+    write_output(config.output, data)
+    size = len(data) / 1e6
+    return StageReport(
+        output=config.output,
+        lines=[f"{config.output}: {', '.join(names)}, {size:.1f} MB."],
+        figures={"clips": list(names), "bytes": len(data)},
+    )
+
+
+def _played(config: Config, readers: dict[str, MeshReader], names: tuple[str, ...]) -> Iterator[Played]:
+    for clip in names:
+        for name, reader in readers.items():
+            row = reader.row(clip)
+            stop = min(row.frames, config.start + config.frames)
+            if config.start >= stop:
+                raise InputError(f"The clip {clip!r} has {row.frames} frames, and --start is {config.start}.")
+            yield Played(clip, name, reader.vertices(clip, config.start, stop), row.fps)
+
+
+def _glb(config: Config, reader: MeshReader, names: tuple[str, ...]) -> bytes:
+    if len(names) != 1:
+        raise UsageError("A GLB holds one clip.", "Give one --clip.")
+    if config.beside:
+        raise UsageError("--beside is for pages.", "Leave it out, or write a page: -o meshes.html.")
+    row = reader.row(names[0])
+    if not reader.is_skinned(row.clip):
+        raise InputError(
+            f"The clip {row.clip!r} is stored as vertices, and a GLB with skin needs bones.",
+            "Write a page: -o meshes.html.",
+        )
+    rotations, heads = reader.bones(row.clip, config.start)
+    body = reader.body(row.skeleton)
+    return glb_of_body(reader.topology, body, rotations, heads, row.fps, row.clip, row.licence)

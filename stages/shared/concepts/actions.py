@@ -1,0 +1,60 @@
+"""The action of a clip, from the name of its file: the labels that data sets of actions put there."""
+
+from __future__ import annotations
+
+import re
+
+from data_schemas.clips import ClipRow
+from data_schemas.errors import UsageError
+
+AUTO = "auto"
+HUMANACT12 = (
+    "warm_up", "walk", "run", "jump", "drink", "lift_dumbbell", "sit", "eat", "turn_steering_wheel", "phone",
+    "boxing", "throw",
+)  # fmt: skip
+
+# Bandai Namco: dataset-1_<content>_<style>_001. HDM05: HDM_bd_<action><Repetitions>_001_120; the repetitions are
+# numbers and words at the end, such as 3Reps. The paper on motion concepts uses neither: they are open.
+_PATTERNS = (
+    re.compile(r"dataset-\d+_(?P<action>[a-z-]+?)_[a-z-]+_\d+"),
+    re.compile(r"HDM_[a-z]{2}_(?P<action>[A-Za-z]+?)(?:\d+(?:Reps?|Steps?|Circles?)?\w*?)?_\d{3}_120"),
+)
+_HUMANACT12 = re.compile(r"P\d+G\d+R\d+F\d+T\d+A(?P<coarse>\d\d)\d\d")
+
+
+def action_pattern(text: str) -> re.Pattern[str] | None:
+    """A user's pattern of the action in a source's path; None for `AUTO`.
+
+    Raises: UsageError if it is no regular expression with a group.
+    """
+    if text == AUTO:
+        return None
+    try:
+        pattern = re.compile(text)
+    except re.error as error:
+        raise UsageError(
+            f"--actions {text!r} is not a regular expression: {error}.", "Try for instance '_([a-z]+)_'."
+        ) from None
+    if not pattern.groups:
+        raise UsageError(f"--actions {text!r} has no group.", "Put the action in parentheses, such as '_([a-z]+)_'.")
+    return pattern
+
+
+def action_of(row: ClipRow, pattern: re.Pattern[str] | None = None) -> str:
+    """The action of a clip, "" if its source's name holds none.
+
+    Args:
+        pattern: of the user; its first group is the action. None for the data sets that pumps knows.
+    """
+    source = row.source.replace("\\", "/")
+    if pattern is not None:
+        found = pattern.search(source)
+        return (found[1] or "") if found else ""
+    name = source.rpartition("/")[2].rpartition("!")[2]
+    for known in _PATTERNS:
+        if found := known.search(name):
+            return found["action"]
+    if found := _HUMANACT12.search(name):
+        coarse = int(found["coarse"])
+        return HUMANACT12[coarse - 1] if 1 <= coarse <= len(HUMANACT12) else ""
+    return ""

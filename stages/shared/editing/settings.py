@@ -1,0 +1,38 @@
+"""Settings that all verbs of `pumps edit` share. Imports no torch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from stages.shared.contract import ManyFilesConfig
+
+
+class EditConfig(ManyFilesConfig):
+    """Change a whole file, of any format that pumps reads."""
+
+    input: Path = Field(
+        description="Motion to change: a BVH, whose text and untouched rows stay, a robot's joint angles, or any "
+        "format that pumps reads. FILE.zip!MEMBER reads from an archive; of a folder, archive or pattern, each file "
+        "is changed."
+    )
+    output: Path = Field(
+        description="File to write: .bvh, .glb, .npz, .csv or .parquet. With the input's suffix, a BVH and a robot's "
+        "joint angles keep their layout. For several files, a folder."
+    )
+    fps_override: float | None = Field(
+        None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0, lt=1e6
+    )
+    up_axis: Literal["y", "z"] | None = Field(
+        None, description="Up axis of the file's world, if it is not the one that the body's poses show."
+    )
+    skeleton: str | None = Field(
+        None,
+        description="Skeleton for files that have none: an ASF for AMC, a URDF for a robot's joint angles, a BVH "
+        "or the name of a joint list for positions.",
+    )
+    skeleton_map: Path | None = Field(
+        None, description="TOML that assigns joints to parts of the body (`pumps inspect FILE --map` prints one)."
+    )

@@ -1,0 +1,240 @@
+"""Trained motion concepts in use: which anchors of a motion are flawed, and the motion refined (3.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import InputError, UsageError
+from stages.shared.concepts.quality import AnchorQuality
+from stages.shared.concepts.sequences import LEAST_FRAMES, placing_of, segment_arrays
+from stages.shared.networks.concepts.refiners import ConceptNetworks, Segments
+from stages.shared.networks.concepts.transition_generator import at_times
+from stages.shared.networks.layers.device import choose_device
+
+_APART = 3  # frames between two anchors, at least
+
+
+@dataclass(frozen=True)
+class ConceptModel:
+    """Trained networks. actions: their names; names, parents, groups: of the body's joints; window: frames seen at
+    once; quality: of each action's anchors; licences: of the training data."""
+
+    networks: ConceptNetworks
+    actions: tuple[str, ...]
+    names: tuple[str, ...]
+    parents: np.ndarray
+    groups: np.ndarray
+    fps: float
+    window: int
+    quality: dict[int, AnchorQuality]
+    device: torch.device
+
+    def action(self, name: str) -> int:
+        """The index of an action. Raises UsageError naming those there are."""
+        if name not in self.actions:
+            raise UsageError(f"No concepts of {name!r} were learned.", f"Take one of {', '.join(self.actions)}.")
+        return self.actions.index(name)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A refined sequence.
+
+    positions: (T, J, 3). anchors: (A,) frames; scores: (A,) log-likelihoods; flawed: (A,) bool; concepts: (A,) the
+    concept within the action that a flawed anchor got, -1 for the others.
+    """
+
+    positions: np.ndarray
+    anchors: np.ndarray
+    scores: np.ndarray
+    flawed: np.ndarray
+    concepts: np.ndarray
+
+
+def load_concepts(path: Path, device: str) -> ConceptModel:
+    """Read a checkpoint of `pumps train concepts`. Raises InputError if it is another network's, or damaged."""
+    stored = read_checkpoint(path, optimiser=False)
+    config = stored.config
+    if config.get("network") != "concepts":
+        raise InputError(f"{path} holds no motion concepts.", "Give a checkpoint of `pumps train concepts`.")
+    where = choose_device(device)
+    weights = {name: torch.from_numpy(np.array(value)) for name, value in stored.weights.items()}
+    concepts, action_of = weights["anchors.concepts"], weights["anchors.action_of"].long()
+    settings, body = config["settings"], config["body"]
+    networks = ConceptNetworks(
+        concepts.shape[1], len(config["actions"]), settings["width"], settings["latent"], concepts, action_of
+    )
+    own = {name: value for name, value in weights.items() if not name.startswith("quality/")}
+    networks.load_state_dict(
+        {name: value.long() if name == "anchors.action_of" else value for name, value in own.items()}
+    )
+    quality: dict[int, dict[str, np.ndarray]] = {}
+    for name, value in stored.weights.items():
+        if name.startswith("quality/"):
+            _, action, part = name.split("/")
+            quality.setdefault(int(action), {})[part] = value
+    return ConceptModel(
+        networks.to(where).eval(),
+        tuple(config["actions"]),
+        tuple(body["names"]),
+        np.array(body["parents"], np.int32),
+        np.array(body["groups"], np.int8),
+        float(config["fps"]),
+        int(config["window"]),
+        {action: AnchorQuality.of_arrays(arrays) for action, arrays in quality.items()},
+        where,
+    )
+
+
+def refine(
+    model: ConceptModel, positions: np.ndarray, action: str, *, only: str | None = None, seed: int = 0
+) -> Refinement:
+    """Refine a sequence.
+
+    Args:
+        positions: (T, J, 3) metres on the standard body, at the model's rate. only: "anchors" or "transitions".
+        seed: of the transition generator's codes.
+
+    Raises: UsageError for an action that was not learned; InputError for a sequence that is too short.
+    """
+    kind = model.action(action)
+    if len(positions) < LEAST_FRAMES:
+        raise InputError(
+            f"The clip has {len(positions)} frames at {model.fps:g} a second, and {LEAST_FRAMES} are the fewest."
+        )
+    made = np.asarray(positions, np.float64).copy()
+    anchors, scores, flawed = judged(model, made, kind)
+    concepts = np.full(len(anchors), -1)
+    if only != "transitions":
+        generator = torch.Generator().manual_seed(seed)
+        first = int(np.flatnonzero(model.networks.anchors.action_of.cpu().numpy() == kind)[0])
+        for at in np.flatnonzero(flawed):
+            concepts[at] = _new_anchor(model, made, anchors, int(at), kind, generator) - first
+    if only != "anchors":
+        made = _new_transitions(model, made, anchors, kind)
+    return Refinement(made, anchors, scores, flawed, concepts)
+
+
+def judged(model: ConceptModel, positions: np.ndarray, kind: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Anchors (A,) of a sequence, the first and the last frame among them, their scores, and which are flawed."""
+    count = len(positions)
+    chances, features, weight = (
+        np.zeros(count),
+        np.zeros((count, model.networks.recogniser.encoder.width)),
+        np.zeros(count),
+    )
+    for start, size in _windows(count, model.window):
+        motion = _placed(model, positions[start : start + size])[0]
+        with torch.no_grad():
+            found, logits = model.networks.recogniser(motion, _kind(model, kind), _all(motion))
+        part, share = slice(start, start + size), _taper(size)
+        chances[part] += share * logits[0].sigmoid().cpu().numpy()
+        features[part] += share[:, None] * found[0].cpu().numpy()
+        weight[part] += share
+    chances, features = chances / weight, features / weight[:, None]
+    anchors = [0]
+    for frame in range(1, count - 1):
+        near = chances[max(frame - _APART, 1) : min(frame + _APART + 1, count - 1)]
+        apart = min(frame - anchors[-1], count - 1 - frame)
+        if apart >= _APART and chances[frame] > 0.5 and chances[frame] == near.max():
+            anchors.append(frame)
+    anchors = np.array([*anchors, count - 1])
+    if kind not in model.quality:
+        return anchors, np.zeros(len(anchors)), np.zeros(len(anchors), bool)
+    scores = model.quality[kind].scores(features[anchors])
+    return anchors, scores, scores < model.quality[kind].threshold
+
+
+def sampled_transition(
+    model: ConceptModel, first: np.ndarray, last: np.ndarray, steps: int, generator: torch.Generator | None
+) -> np.ndarray:
+    """(steps + 1, J, 3) frames from one anchor (J, 3) to another; the ends are the anchors themselves.
+
+    Args:
+        generator: draws the code of the transition; None takes the most likely one, zero.
+    """
+    placing = placing_of(first[None], model.groups)
+    ends = [torch.from_numpy(placing.put(pose).reshape(1, -1)).float().to(model.device) for pose in (first, last)]
+    network = model.networks.generator
+    code = torch.zeros(1, network.latent)
+    if generator is not None:
+        code = torch.randn(1, network.latent, generator=generator)
+    seconds = torch.tensor([steps / model.fps], device=model.device, dtype=torch.float32)
+    times = torch.linspace(0, 1, steps + 1, device=model.device)[None]
+    with torch.no_grad():
+        frames = at_times(network.decoded(ends[0], ends[1], seconds, code.to(model.device)), times)[0]
+    made = placing.back(frames.cpu().double().numpy().reshape(steps + 1, -1, 3))
+    share = np.linspace(0, 1, steps + 1)[:, None, None]
+    return made + (1 - share) * (first - made[0]) + share * (last - made[-1])
+
+
+def _new_anchor(
+    model: ConceptModel, made: np.ndarray, anchors: np.ndarray, at: int, kind: int, generator: torch.Generator
+) -> int:
+    """Put a new pose at an anchor and new transitions beside it, in `made`. Returns its concept, over all actions."""
+    frame, count = int(anchors[at]), len(made)
+    before, after = int(anchors[max(at - 1, 0)]), int(anchors[min(at + 1, len(anchors) - 1)])
+    size = min(max(model.window, after - before + 3), count)
+    start = int(np.clip((before + after) // 2 - size // 2, 0, count - size))
+    motion, placing = _placed(model, made[start : start + size])
+    seen = _all(motion)
+    seen[0, before - start + (at > 0) : after - start + (at == len(anchors) - 1)] = False
+    if not seen.any():
+        return -1
+    with torch.no_grad():
+        logits, pose = model.networks.anchors(
+            motion, _kind(model, kind), seen, torch.tensor([frame - start], device=model.device)
+        )
+    made[frame] = placing.back(pose[0].cpu().double().numpy().reshape(-1, 3))
+    for low, high in ((before, frame), (frame, after)):
+        if high > low:
+            made[low : high + 1] = sampled_transition(model, made[low], made[high], high - low, generator)
+    return int(logits[0].argmax())
+
+
+def _new_transitions(model: ConceptModel, positions: np.ndarray, anchors: np.ndarray, kind: int) -> np.ndarray:
+    total, weight = np.zeros(positions.shape), np.zeros(len(positions))
+    for start, size in _windows(len(positions), model.window):
+        motion, placing = _placed(model, positions[start : start + size])
+        inside = anchors[(anchors > start) & (anchors < start + size - 1)] - start
+        found = segment_arrays(np.array([0, *inside, size - 1]), size)
+        arrays = (found.of_frame, found.times.astype(np.float32), found.first, found.last)
+        segments = Segments(*(torch.from_numpy(each)[None].to(model.device) for each in arrays))
+        with torch.no_grad():
+            whole, _ = model.networks.transitions(motion, _kind(model, kind), _all(motion), segments)
+        made = placing.back(whole[0].cpu().double().numpy().reshape(size, -1, 3))
+        share = _taper(size)
+        total[start : start + size] += share[:, None, None] * made
+        weight[start : start + size] += share
+    return total / weight[:, None, None]
+
+
+def _windows(frames: int, window: int) -> list[tuple[int, int]]:
+    """Starts and sizes of windows that overlap by half and cover a sequence."""
+    if frames <= window:
+        return [(0, frames)]
+    starts = [*range(0, frames - window, max(window // 2, 1)), frames - window]
+    return [(start, window) for start in starts]
+
+
+def _taper(size: int) -> np.ndarray:
+    """(T,) weights of a window's frames where windows overlap: highest in the middle, above 0 at the ends."""
+    return 1.0 - np.abs(np.linspace(-1, 1, size)) * 0.98
+
+
+def _placed(model: ConceptModel, part: np.ndarray):
+    placing = placing_of(part, model.groups)
+    return torch.from_numpy(placing.put(part).reshape(1, len(part), -1)).float().to(model.device), placing
+
+
+def _kind(model: ConceptModel, kind: int) -> torch.Tensor:
+    return torch.tensor([kind], device=model.device)
+
+
+def _all(motion: torch.Tensor) -> torch.Tensor:
+    return torch.ones(motion.shape[:2], dtype=torch.bool, device=motion.device)

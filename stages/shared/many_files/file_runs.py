@@ -1,0 +1,280 @@
+"""A stage over many files: those of a folder, glob or archive, in several processes, in a run that can be resumed.
+
+The output is a folder. `files.jsonl` in it is the run's journal: its first line has the settings and every output
+that is planned, and each file adds a line when it is done. After a kill, the same command goes on: files whose line
+says that they were written, and whose input and output are unchanged, are not run again. `files.csv` is the table of
+what became of each file.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import glob
+import hashlib
+import io
+import json
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.whole_file import write_whole
+from stages.shared.contract import ManyFilesConfig, StageReport
+from stages.shared.file_names import FileNames
+from stages.shared.formats.archives import archive_suffix
+from stages.shared.formats.readers import AUTO, suffixes_of
+from stages.shared.formats.sources import Source, find_sources
+from stages.shared.formats.text_cells import text_cell
+from stages.shared.formats.writers import SUFFIXES
+from stages.shared.outputs import check_replaceable
+from stages.shared.progress import SILENT, Progress
+
+JOURNAL, TABLE = "files.jsonl", "files.csv"
+COLUMNS: tuple[str, ...] = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
+_SHOWN = 10
+
+Run = Callable[..., StageReport]
+
+
+@dataclass(frozen=True)
+class FileRun:
+    """One file to run: its source, where its output goes."""
+
+    source: Source
+    output: Path
+
+
+def over_files(run: Run) -> Run:
+    """The same run, which also takes a folder, glob or archive as its config's `input` and a folder as `output`."""
+
+    @functools.wraps(run)
+    def either(config: Any, *, progress: Progress = SILENT) -> StageReport:
+        if names_many(str(config.input)):
+            return run_over_files(config, either, progress)
+        return run(config, progress=progress)
+
+    return either
+
+
+def names_many(text: str) -> bool:
+    """Whether a text names a folder that is no artefact, an archive as a whole, or a pattern."""
+    path = Path(text)
+    if path.is_dir():
+        return not (path / MANIFEST_NAME).exists()
+    if path.exists():
+        return bool(archive_suffix(path.name))
+    return "!" not in text and glob.has_magic(text)
+
+
+def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
+    """Run a stage for each file of `config.input`. A file that fails is reported, and the others go on.
+
+    Args:
+        config: a ManyFilesConfig with `input` and `output`. run: picklable by its name.
+
+    Raises: UsageError for an output that is no folder, or holds files that may not be replaced; InputError where
+        there is no file to read, or every one failed.
+    """
+    started = time.perf_counter()
+    out = Path(config.output)
+    if out.suffix.lower() in SUFFIXES.values() or (out.exists() and not out.is_dir()):
+        raise UsageError(f"{config.input} holds several files, and {out} is one file.", "Name a folder to write to.")
+    if config.suffix is not None and config.suffix.lower() not in SUFFIXES.values():
+        raise UsageError(
+            f"--suffix {config.suffix} is not one that pumps writes.", f"Give {', '.join(SUFFIXES.values())}."
+        )
+    runs = list(_planned(config, out))
+    digest = _digest_of(config)
+    ours, done = _earlier(out, digest)
+    for each in runs:
+        if str(each.output.relative_to(out)) not in ours:
+            check_replaceable(each.output, config.overwrite)
+    rows = [row for each in runs if (row := _still_there(done, each, out)) is not None and not config.overwrite]
+    have = {row["input"] for row in rows}
+    to_do = [each for each in runs if each.source.name not in have]
+    progress.start("files", len(runs))
+    progress.advance(len(rows))
+    write_whole(out / JOURNAL, _journal_head(digest, runs, out) + b"".join(_line(row) for row in rows))
+    with open(out / JOURNAL, "ab") as journal:
+        for row in _outcomes(config, run, to_do, out):
+            rows.append(row)
+            journal.write(_line(row))
+            journal.flush()
+            progress.advance(note=row["input"])
+    order = {each.source.name: at for at, each in enumerate(runs)}
+    rows.sort(key=lambda row: order[row["input"]])
+    write_whole(out / TABLE, _table(rows))
+    return _report(out, rows, len(have), time.perf_counter() - started)
+
+
+def _planned(config: ManyFilesConfig, out: Path) -> Iterator[FileRun]:
+    """Every file with its output: the same folders, another suffix; of two that would be one file, both suffixes."""
+    names: dict[str, FileNames] = {}
+    taken: set[Path] = set()
+    text = str(config.input)  # type: ignore[attr-defined]
+    for source in find_sources([text], suffixes_of(AUTO), keep_bad=True):
+        own = source.suffix
+        suffix = config.suffix or (own if own in SUFFIXES.values() else ".bvh")
+        inner = PurePosixPath(source.member.replace("\\", "/"))
+        folders = [part for part in inner.parts[:-1] if part not in ("..", ".", "/")]
+        if source.archive and Path(source.archive) != Path(text):
+            folders = [Path(source.archive).name.removesuffix(archive_suffix(source.archive) or ""), *folders]
+        folder = out.joinpath(*(FileNames().of(part) for part in folders))
+        plain = names.setdefault(str(folder), FileNames())
+        output = folder / f"{plain.of(inner.stem)}{suffix}"
+        if output in taken:
+            output = folder / f"{plain.of(inner.stem + own.replace('.', '_'))}{suffix}"
+        while output in taken:  # files of one name from different folders of a pattern
+            output = folder / f"{plain.of(source.name)}{suffix}"
+            if output in taken:
+                raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
+        taken.add(output)
+        yield FileRun(source, output)
+
+
+def _digest_of(config: ManyFilesConfig) -> str:
+    """Of the settings that the results depend on."""
+    settings = config.model_dump(mode="json", exclude={"input", "output", "jobs", "overwrite"})
+    return hashlib.sha256(json.dumps([type(config).__module__, settings], sort_keys=True).encode()).hexdigest()
+
+
+def _earlier(out: Path, digest: str) -> tuple[set[str], dict[str, dict[str, Any]]]:
+    """Outputs that an earlier run with the same settings planned, and its outcomes by input."""
+    try:
+        lines = (out / JOURNAL).read_text(encoding="utf-8").splitlines()
+        head = json.loads(lines[0])
+        if head["settings"] != digest:
+            return set(), {}
+        outputs = set(head["outputs"])
+    except (OSError, ValueError, IndexError, KeyError, TypeError):
+        return set(), {}
+    rows = filter(None, map(_row_of_line, lines[1:]))
+    return outputs, {row["input"]: row for row in rows}
+
+
+def _row_of_line(line: str) -> dict[str, Any] | None:
+    """An outcome; None for a line that a kill cut off."""
+    try:
+        row = json.loads(line)
+    except ValueError:
+        return None
+    return row if isinstance(row, dict) and set(COLUMNS) <= set(row) else None
+
+
+def _still_there(done: dict[str, dict[str, Any]], each: FileRun, out: Path) -> dict[str, Any] | None:
+    """The earlier outcome of a file, if its input and its output are as they were."""
+    row = done.get(each.source.name)
+    if row is None or row.get("status") != "written" or not each.output.is_file():
+        return None
+    try:
+        same = row["sha256"] == hashlib.sha256(each.source.read()).hexdigest()
+    except PumpsError:
+        return None
+    return row if same and row["output"] == str(each.output.relative_to(out)) else None
+
+
+def _outcomes(config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterator[dict[str, Any]]:
+    """The outcome of each file as it is done. If a process dies, its files are run one by one in new ones."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = min(config.jobs or cores, len(to_do))
+    if count <= 1:
+        for each in to_do:
+            yield run_one(run, config, each, out)
+        return
+    left = {each.source.name: each for each in to_do}
+    with _pool(count) as pool:
+        waiting = [pool.submit(run_one, run, config, each, out) for each in to_do]
+        for future in as_completed(waiting):
+            try:
+                row = future.result()
+            except BrokenProcessPool:
+                break
+            del left[row["input"]]
+            yield row
+    for each in left.values():
+        with _pool(1) as pool:
+            try:
+                yield pool.submit(run_one, run, config, each, out).result()
+            except BrokenProcessPool:
+                yield _row(each, out, "failed", reason="Its process was ended, perhaps for want of memory.")
+
+
+def _pool(count: int) -> ProcessPoolExecutor:
+    """Processes that are not forked from this one, since a fork would copy the locks of its libraries' threads."""
+    methods = multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_one_thread)
+
+
+def _one_thread() -> None:
+    """One thread for each process, before torch is loaded in it."""
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
+def run_one(run: Run, config: Any, each: FileRun, out: Path) -> dict[str, Any]:
+    """The outcome of one file as a row; whatever fails is a row too."""
+    started = time.perf_counter()
+    try:
+        sha256 = hashlib.sha256(each.source.read()).hexdigest()
+        each.output.parent.mkdir(parents=True, exist_ok=True)
+        single = config.model_copy(
+            update={"input": type(config.input)(each.source.name), "output": each.output, "overwrite": True}
+        )
+        report = run(single)
+        frames = report.figures.get("frames", "")
+        row = _row(each, out, "written", sha256=sha256, frames=frames)
+    except PumpsError as error:
+        row = _row(each, out, "failed", reason=" ".join(f"{error.message} {error.hint or ''}".split()))
+    except Exception as error:  # a fault of one file must not cost all others
+        row = _row(each, out, "failed", reason=" ".join(f"{type(error).__name__}: {error}".split())[:300])
+    return {**row, "seconds": round(time.perf_counter() - started, 3)}
+
+
+def _row(each: FileRun, out: Path, status: str, **more: Any) -> dict[str, Any]:
+    output = str(each.output.relative_to(out)) if status == "written" else ""
+    blank = dict.fromkeys(COLUMNS, "")
+    return {**blank, "input": each.source.name, "output": output, "status": status, **more}
+
+
+def _journal_head(digest: str, runs: list[FileRun], out: Path) -> bytes:
+    return _line({"settings": digest, "outputs": [str(each.output.relative_to(out)) for each in runs]})
+
+
+def _line(row: dict[str, Any]) -> bytes:
+    return json.dumps(row).encode() + b"\n"
+
+
+def _table(rows: list[dict[str, Any]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: text_cell(str(value)) for name, value in row.items()} for row in rows)
+    return text.getvalue().encode()
+
+
+def _report(out: Path, rows: list[dict[str, Any]], kept: int, seconds: float) -> StageReport:
+    failed = [row for row in rows if row["status"] != "written"]
+    if len(failed) == len(rows):
+        raise InputError(f"None of {len(rows)} files could be used; the first: {failed[0]['reason']}")
+    made = len(rows) - len(failed) - kept
+    lines = [f"{row['input']}: {row['reason']}" for row in failed[:_SHOWN]]
+    if len(failed) > _SHOWN:
+        lines.append(f"and {len(failed) - _SHOWN} more that failed, all of them in {out / TABLE}")
+    rate = f", {60 * made / seconds:.0f} a minute" if made else ""
+    already = f"; {kept} were there from an earlier run" if kept else ""
+    lines.append(
+        f"Wrote {made} of {len(rows)} files into {out} in {seconds:.1f} s{rate}{already}; {len(failed)} failed."
+    )
+    figures = {
+        "files": len(rows), "written": made, "kept": kept, "failed": len(failed), "seconds": seconds,
+        "table": str(out / TABLE),
+    }  # fmt: skip
+    return StageReport(output=out, lines=lines, figures=figures)

@@ -1,0 +1,1 @@
+"""The networks of motion concepts: transition generator, anchor recogniser, anchor and transition refiners."""

@@ -1,0 +1,174 @@
+"""`pumps train concepts` and `pumps refine` on embedded clips: small networks, whole paths, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_schemas.artefact import write_artefact
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import InputError, UsageError
+from data_schemas.motion import ClipRow, MotionWriter
+from stages.refine.config import Config
+from stages.refine.run import run
+from stages.shared.concepts.body_positions import body_of, body_positions
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.inference.refining import judged, load_concepts, refine, sampled_transition
+
+pytest.importorskip("sklearn")
+from stages.segment.config import Config as SegmentConfig
+from stages.segment.run import run as segment
+from stages.train.concepts.config import Config as TrainConfig
+from stages.train.concepts.run import run as train
+
+CLIPS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "clips"
+
+
+def read(name: str):
+    return motion_of(read_bvh((CLIPS / f"{name}.bvh").read_bytes(), name))
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("concepts")
+    with (
+        write_artefact(folder / "m", "motion", stage="test", config={}) as draft,
+        MotionWriter(draft.folder) as writer,
+    ):
+        for name, action in (("dance_a", "dance"), ("dance_b", "dance"), ("kick", "kick"), ("spinkick", "kick")):
+            skeleton, motion, _ = read(name)
+            row = ClipRow(
+                clip=name, source=f"set.zip!dataset-1_{action}_a_001.bvh", sha256="0" * 64,
+                skeleton=writer.add_skeleton(skeleton), frames=motion.frames, fps=motion.fps,
+                seconds=motion.frames / motion.fps, split="train", licence="CC0",
+            )  # fmt: skip
+            writer.add_clip(row, motion)
+        draft.licences.add("CC0")
+    segment(SegmentConfig(input=folder / "m", output=folder / "c", fps=20, cluster="kmeans"))
+    train(
+        TrainConfig(
+            concepts=folder / "c", output=folder / "w", steps=4, batch=4, window=24, width=16, latent=4, warmup=1,
+            validate_every=2, checkpoint_every=2, device="cpu",
+        )
+    )  # fmt: skip
+    return folder / "w"
+
+
+def test_the_checkpoint_says_what_it_knows(weights: Path):
+    stored = read_checkpoint(weights)
+    assert stored.config["actions"] == ["dance", "kick"] and stored.config["fps"] == 20
+    assert {row["split"] for row in stored.log} == {"train", "val"}
+    assert "CC0" in stored.card
+
+
+@pytest.mark.parametrize("only", [None, "anchors", "transitions"])
+def test_a_motion_comes_back_on_its_rig(weights: Path, tmp_path: Path, only: str | None):
+    out, table = tmp_path / "out.bvh", tmp_path / "t.csv"
+    report = run(
+        Config(
+            input=CLIPS / "kick.bvh", output=out, action="kick", weights=weights, table=table, only=only, device="cpu"
+        )  # pyright: ignore[reportArgumentType]
+    )
+    before, after = (read_bvh(path.read_bytes(), path.name) for path in (CLIPS / "kick.bvh", out))
+    assert [j.name for j in before.joints] == [j.name for j in after.joints] and before.frames == after.frames
+    assert np.isfinite(after.values).all()
+    rows = report.figures["anchors"]
+    assert rows[0]["frame"] == 0 and report.figures["flawed"] == sum(row["flawed"] for row in rows)
+    assert len(table.read_text().splitlines()) == len(rows) + 1
+
+
+def test_anchors_that_are_not_flawed_and_their_transitions_stay(weights: Path):
+    """With --only anchors, frames beside no flawed anchor are the given ones, to the bit."""
+    model = load_concepts(weights, "cpu")
+    skeleton, motion, _ = read("dance_a")
+    body = body_of(skeleton)
+    given = body_positions(skeleton, motion, body)[:120] * body.scale
+    found = refine(model, given, "dance", only="anchors")
+    touched = np.zeros(len(given), bool)
+    for at in np.flatnonzero(found.flawed):
+        low, high = found.anchors[max(at - 1, 0)], found.anchors[min(at + 1, len(found.anchors) - 1)]
+        touched[low : high + 1] = True
+    np.testing.assert_array_equal(found.positions[~touched], given[~touched])
+    same = refine(model, given, "dance", only="anchors")
+    np.testing.assert_array_equal(found.positions, same.positions)
+
+
+def test_place_and_heading_do_not_change_the_judgement(weights: Path):
+    from stages.shared.concepts.body_positions import turned_about_y
+
+    model = load_concepts(weights, "cpu")
+    skeleton, motion, _ = read("kick")
+    body = body_of(skeleton)
+    given = body_positions(skeleton, motion, body) * body.scale
+    moved = turned_about_y(given, np.asarray(0.8)) + np.array([5.0, 0.0, -3.0])
+    one, two = judged(model, given, 1), judged(model, moved, 1)
+    np.testing.assert_array_equal(one[0], two[0])
+    np.testing.assert_allclose(one[1], two[1], atol=0.05)
+    a, b = (refine(model, each, "kick").positions for each in (given, moved))
+    np.testing.assert_allclose(turned_about_y(a, np.asarray(0.8)) + np.array([5.0, 0.0, -3.0]), b, atol=2e-3)
+
+
+def test_sampled_transitions_meet_their_anchors_and_differ(weights: Path):
+    import torch
+
+    model = load_concepts(weights, "cpu")
+    skeleton, motion, _ = read("kick")
+    body = body_of(skeleton)
+    given = body_positions(skeleton, motion, body) * body.scale
+    samples = [
+        sampled_transition(model, given[0], given[12], 12, torch.Generator().manual_seed(seed)) for seed in (0, 1)
+    ]
+    for sample in samples:
+        np.testing.assert_allclose(sample[[0, -1]], given[[0, 12]], atol=1e-9)
+    assert np.abs(samples[0] - samples[1]).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "words"),
+    [
+        ({"action": "swim"}, UsageError, "dance, kick"),
+        ({"input": "short"}, InputError, "are the fewest"),
+        ({"input": "rig"}, InputError, "another rig"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_nothing_is_lost(
+    weights: Path, tmp_path: Path, settings: dict, error: type, words: str
+):
+    out = tmp_path / "out.bvh"
+    out.write_text("old")
+    if settings.get("input") == "short":
+        text = (CLIPS / "kick.bvh").read_text().splitlines()
+        at = next(i for i, line in enumerate(text) if line.startswith("Frames:"))
+        (tmp_path / "short.bvh").write_text("\n".join([*text[:at], "Frames: 5", *text[at + 1 : at + 7]]) + "\n")
+        settings = {"input": tmp_path / "short.bvh"}
+    elif settings.get("input") == "rig":
+        settings = {"input": CLIPS.parents[2] / "docs" / "examples" / "other_rig.bvh"}
+    given = {"input": CLIPS / "kick.bvh", "action": "kick", "weights": weights, "output": out, "overwrite": True}
+    with pytest.raises(error, match=words):
+        run(Config(**{**given, **settings}, device="cpu"))
+    assert out.read_text() == "old"
+
+
+def test_a_batch_without_a_known_concept_has_a_finite_loss(weights: Path):
+    """Windows whose masked anchors are all first or last frames, which need not be anchors of the clip."""
+    import torch
+
+    from data_schemas.concepts import ConceptsReader
+    from stages.shared.concepts.sequences import concept_set
+    from stages.shared.networks.layers.row_generator import row_generator
+    from stages.train.concepts.run import new_networks
+    from stages.train.concepts.task import ConceptTask
+
+    config = TrainConfig(concepts=weights.parent / "c", output=weights, window=24, width=16, latent=4, device="cpu")
+    with ConceptsReader(config.concepts) as reader:
+        found = concept_set(reader)
+    task = ConceptTask(config, new_networks(found, 16, 4), found, torch.device("cpu"))
+    batch = task.held_back
+    unknown = type(batch)(**{**vars(batch), "concept": torch.full_like(batch.concept, -1)})
+    value, _ = task.loss(unknown, row_generator(0, [1] * len(batch.motion), torch.device("cpu")))
+    value.backward()
+    assert torch.isfinite(value)
+    assert all(torch.isfinite(p.grad).all() for p in task.networks.parameters() if p.grad is not None)
