@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ HERE = Path(__file__).resolve().parent.parent
 SAMPLE_BYTES = 20e6
 LONG_BYTES = 100e6
 SECTION = "reading versions"
+OTHERS = {"upc-pymotion": "pymotion", "pybvh": "pybvh"}  # libraries that are timed where they are installed
 # What a process of a checkout or of a library runs: a line of JSON asks for something, a line of JSON answers.
 READER = """
 import json, os, resource, sys, tempfile, time
@@ -142,7 +144,7 @@ def compared(before: Path, archive: str, folder: Path, rounds: int) -> list[dict
         paths[-1].write_bytes(source.read().rstrip() + b"\n")  # upc-pymotion stumbles over a blank last line
     sample = sum(path.stat().st_size for path in paths) / 1e6
     readers = {"before": Reader(before), "after": Reader(HERE)}
-    readers |= {who: Reader(HERE, who) for who in ("upc-pymotion", "pybvh")}
+    readers |= {who: Reader(HERE, who) for who, module in OTHERS.items() if find_spec(module) is not None}
     asked: dict[str, tuple[str, list[Any], float]] = {
         "parsing": ("parse", paths, sample),
         "to poses": ("whole", paths, sample),
@@ -167,7 +169,7 @@ def compared(before: Path, archive: str, folder: Path, rounds: int) -> list[dict
 
 def table(rows: Sequence[dict[str, Any]], peaks: Sequence[tuple[str, float, float]], size: float) -> str:
     """The page's section."""
-    names = ["before", "after", "upc-pymotion", "pybvh"]
+    names = ["before", "after", *OTHERS]
     lines = ["| MB/s of a core, best of the rounds | " + " | ".join(names) + " | ratio | ratio of medians |"]
     lines.append("|---|" + "---:|" * (len(names) + 2))
     for row in rows:
