@@ -17,7 +17,7 @@ HUMANACT12 = (
 # numbers and words at the end, such as 3Reps. The paper on motion concepts uses neither: they are open.
 _PATTERNS = (
     re.compile(r"dataset-\d+_(?P<action>[a-z-]+?)_[a-z-]+_\d+"),
-    re.compile(r"HDM_[a-z]{2}_(?P<action>[A-Za-z]+?)(?:\d+(?:Reps?|Steps?|Circles?)?\w*?)?_\d{3}_120"),
+    re.compile(r"HDM_[a-z]{2}_(?P<action>[A-Za-z]{1,60})(?:\d\w{0,40}?)?_\d{3}_120"),
 )
 _HUMANACT12 = re.compile(r"P\d+G\d+R\d+F\d+T\d+A(?P<coarse>\d\d)\d\d")
 

@@ -20,7 +20,8 @@ MOST_FRAMES = 10_000_000
 _COMMON = 1e-4  # frames; times nearer than this to a frame of the input are that frame's
 _BLOCK_FRAMES = 4096  # made at a time, so that memory does not grow with the clip
 _BESIDE = 3  # frames beside a block that the tangents at its ends depend on
-_SECONDS = re.compile(r"\s*([0-9]*\.?[0-9]+)?\s*:\s*([0-9]*\.?[0-9]+)?\s*")
+_TIME = r"(?:[0-9]{1,9}(?:\.[0-9]{1,30})?|\.[0-9]{1,30})"
+_SECONDS = re.compile(rf"({_TIME})?\s{{0,9}}:\s{{0,9}}({_TIME})?")
 
 
 def trimmed(motion: Motion, frames: np.ndarray) -> Edited:
@@ -45,7 +46,7 @@ def range_of_seconds(text: str, frames: int, fps: float) -> np.ndarray:
 
     Raises: UsageError if the text is no range; InputError if no frame of the clip lies in it, or it goes beyond it.
     """
-    match = _SECONDS.fullmatch(text)
+    match = _SECONDS.fullmatch(text.strip())
     if match is None:
         raise UsageError(f"{text!r} is not a range of seconds.", "Write it as first:stop, such as 0.5:2 or 1:.")
     first = float(match[1]) if match[1] else 0.0

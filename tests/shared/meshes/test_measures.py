@@ -24,7 +24,7 @@ from tests.shared.meshes.shapes import arm, ball, grid
 def test_melv_is_blind_to_rigid_movement_and_counts_scale() -> None:
     vertices, faces = ball(60)
     edges, _ = edges_of(faces)
-    moved = (*Rotation.from_rotvec((0.3, 1, 2)).apply(vertices), 5, 0, 1)
+    moved = Rotation.from_rotvec((0.3, 1, 2)).apply(vertices) + np.array([5, 0, 1])
     mean = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1).mean()
     found = melv_mm(np.stack([moved, 1.1 * vertices, 0.9 * vertices]), vertices, edges)
     assert found[0] < 1e-3 and np.allclose(found[1:], 100 * mean, rtol=1e-4)
@@ -40,8 +40,8 @@ def test_errors_by_hand() -> None:
     true = np.zeros((2, 4, 3))
     true[:, 1:] = np.array([[3, 0, 0], [0, 4, 0], [3, 4, 0]])
     assert np.allclose(box_diagonal(true), 5)
-    assert np.allclose(rmse_share((*true, 0.5, 0.5, 0.5), true), 0.1)
-    assert np.allclose(mpjpe_mm((*true, 0.003, 0.004, 0), true), 5)
+    assert np.allclose(rmse_share(true + np.array([0.5, 0.5, 0.5]), true), 0.1)
+    assert np.allclose(mpjpe_mm(true + np.array([0.003, 0.004, 0]), true), 5)
     assert np.allclose(averaged_until(np.array([1.0, 3.0, 5.0])), [1, 2, 3])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from data_schemas.errors import UsageError
 from stages.shared.inference.constraints.asked import Constraints, PartFrames, Pin, RootPath
-from stages.shared.inference.constraints.frame_ranges import NAMED, name_and_frames
+from stages.shared.inference.constraints.frame_ranges import divided, name_and_frames
 
 _KEYS = "--keyframes 0,40 or --keyframes arms=0,20,40 or --keyframes '0,40;arms=20'"
 
@@ -53,10 +53,10 @@ def _keyframes(text: str | None) -> tuple[str | None, tuple[PartFrames, ...]]:
 
 
 def _locked(text: str) -> tuple[str, str]:
-    found = NAMED.fullmatch(text.strip())
+    found = divided(text)
     if found is None and not text.strip():
         raise UsageError("--lock names no part of the body.", "Write for instance neck or left_arm:10-40.")
-    return (found["name"], found["frames"]) if found else (text.strip(), "all")
+    return found or (text.strip(), "all")
 
 
 def _part(name: str, frames: str) -> PartFrames:

@@ -10,9 +10,9 @@ from data_schemas.errors import InputError, UsageError
 from stages.shared.inference.keyframes import parse_keyframes
 
 _RANGE = re.compile(r"([0-9]{1,9})-([0-9]{1,9})")
-# What may follow the part's name and a colon. A joint's name may itself hold a colon (mixamorig:LeftArm).
-_FRAMES = r"(?:all|every:[0-9]{1,15}|[-+]?[0-9][-+0-9:]*|:[-+0-9][-+0-9:]*)"
-NAMED = re.compile(rf"(?P<name>[^:].*?):(?P<frames>{_FRAMES}(?:[,\s]+{_FRAMES})*)")
+_FRAMES = re.compile(r"all|every:[0-9]{1,15}|[-+]?[0-9][-+0-9:]*|:[-+0-9][-+0-9:]*")
+_MOST_COLONS = 20  # of a joint's name
+_BETWEEN = re.compile(r"[,\s]+")
 
 
 def parse_frames(text: str, frames: int, what: str) -> np.ndarray:
@@ -24,7 +24,7 @@ def parse_frames(text: str, frames: int, what: str) -> np.ndarray:
     Raises: UsageError for another form, InputError for frames that are not in the clip.
     """
     found = []
-    for part in re.split(r"[,\s]+", text.strip()):
+    for part in _BETWEEN.split(text.strip()):
         bounds = _RANGE.fullmatch(part)
         if part == "all":
             found.append(np.arange(frames))
@@ -48,9 +48,22 @@ def parse_frames(text: str, frames: int, what: str) -> np.ndarray:
 
 def name_and_frames(text: str, option: str, example: str) -> tuple[str, str]:
     """`legs:10-40` as name and frames. Raises UsageError for another form."""
-    found = NAMED.fullmatch(text.strip())
+    found = divided(text)
     if found is None:
         raise UsageError(
             f"{option} {text!r} is not a part of the body and its frames.", f"Write for instance {example}."
         )
-    return found["name"], found["frames"]
+    return found
+
+
+def divided(text: str) -> tuple[str, str] | None:
+    """A text such as `legs:10-40` at the first colon that frames follow; None without frames. A joint's name may
+    itself hold colons (mixamorig:LeftArm)."""
+    pieces = text.strip().split(":")
+    if not pieces[0]:
+        return None
+    for count in range(1, min(len(pieces), _MOST_COLONS)):
+        frames = ":".join(pieces[count:])
+        if all(_FRAMES.fullmatch(each) for each in _BETWEEN.split(frames)):
+            return ":".join(pieces[:count]), frames
+    return None
