@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from data_schemas.errors import InputError
+from stages.shared.formats.keypoint_json import parsed_json
 from stages.shared.inference.constraints.asked import Constraints, RootPath
 
 _MOST_BYTES = 64 << 20
@@ -29,10 +29,7 @@ def read_constraints(path: Path) -> tuple[Constraints, list[str]]:
 
     Raises: InputError naming the file and the field where it is none of the two layouts.
     """
-    try:
-        raw = json.loads(_bytes_of(path))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not JSON ({str(error)[:80]}).", "Correct it.") from None
+    raw = parsed_json(_bytes_of(path), str(path))
     if isinstance(raw, list):
         return _of_kimodo(raw, path)
     if not isinstance(raw, dict):
@@ -50,7 +47,10 @@ def read_path(path: Path) -> RootPath:
 
     Raises: InputError naming the file and line where it is no such table.
     """
-    rows = list(csv.reader(io.StringIO(_bytes_of(path).decode("utf-8-sig", "replace"))))
+    try:
+        rows = list(csv.reader(io.StringIO(_bytes_of(path).decode("utf-8-sig", "replace"))))
+    except csv.Error as error:  # such as a quote that never ends, before a very long rest
+        raise InputError(f"{path} is not a table ({error}).", "Is the file damaged?") from None
     head = tuple(name.strip().lower() for name in rows[0]) if rows else ()
     if head not in _COLUMNS:
         raise InputError(

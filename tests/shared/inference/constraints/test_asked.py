@@ -125,7 +125,12 @@ def test_kimodos_path_is_read(tmp_path):
     assert len(notes) == 1 and "heading" in notes[0]
 
 
-@pytest.mark.parametrize("content", ["", "x,z\n0,0\n", "frame,x,z\n", "frame,x,z\n0,1\n", "frame,x,z\n0.5,1,1\n"])
+LONG_CELL = 'frame,x,z\n"' + "0" * 200_000
+
+
+@pytest.mark.parametrize(
+    "content", ["", "x,z\n0,0\n", "frame,x,z\n", "frame,x,z\n0,1\n", "frame,x,z\n0.5,1,1\n", LONG_CELL]
+)
 def test_tables_that_are_no_path(tmp_path, content):
     (tmp_path / "path.csv").write_text(content)
     with pytest.raises(InputError, match=r"path\.csv"):
