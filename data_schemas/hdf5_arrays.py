@@ -18,7 +18,7 @@ _TEXT_LIMIT_BYTES = 64 * 2**20
 def write_frames(group: h5py.Group, name: str, values: np.ndarray) -> None:
     """Store an array (T, ...) in chunks of equally many frames, with checksums, for reading windows of it.
 
-    Motions hardly compress: LZF makes their files a little smaller, and takes longer than parsing their
+    Motions hardly compress: LZF makes their files about a sixth smaller, and takes longer than parsing their
     text (`benchmarks/reading.py`).
     """
     if 0 in values.shape:

@@ -66,8 +66,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         f"{config.count} simulations of {frames} frames in {seconds:.1f} s, {rate:.0f} an hour; "
         f"{len(sheet.vertices)} vertices.",
         f"Threads: strain {100 * worst.strain:.2f} % at most, {100 * worst.strain_99:.2f} % in 99 of 100. Nearest "
-        f"vertices: {1e3 * worst.nearest_m:.1f} mm. Energy: rises by {100 * max(risen):.2f} % of what it "
-        "falls by, at most.",
+        f"vertices: {1e3 * worst.nearest_m:.1f} mm. Energy: rises between two frames by at most "
+        f"{100 * max(risen):.2f} % of its whole fall.",
     ]
     figures = {
         "simulations": config.count, "seconds": seconds, "an_hour": rate, "strain": worst.strain,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.artefact import open_artefact
-from data_schemas.checkpoint import read_checkpoint
+from data_schemas.checkpoint import Checkpoint, read_checkpoint
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
@@ -51,6 +51,15 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
     }
 
 
+def check_of_task(kept: Checkpoint, folder: str | Path) -> None:
+    """Raise InputError unless a checkpoint is of a network for one task."""
+    if "task" not in kept.config:
+        raise InputError(
+            f"{folder} holds no network that was fine-tuned for a task.",
+            "Give the folder that holds both ae and lms.",
+        )
+
+
 def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
     """What is known of the weights of one task: plain data, from their checkpoint.
 
@@ -61,17 +70,13 @@ def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
     folder = task_weights(name_or_path)
     artefact = open_artefact(folder, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
-    if "task" not in kept.config:
-        raise InputError(
-            f"{folder} holds no network that was fine-tuned for a task.",
-            "Give the folder that holds both ae and lms.",
-        )
+    check_of_task(kept, folder)
     rig = kept.config.get("rig")
     names = rig.get("skeleton", {}).get("names", []) if isinstance(rig, dict) else []
     return {
         "name": folder.name if folder.parent == shipped.SHIPPED else str(name_or_path),
         "folder": str(folder),
-        "task": str(kept.config.get("task", "")),
+        "task": str(kept.config["task"]),
         "corruption": str(kept.config.get("corruption", "")),
         "joints": len(names),
         "licences": sorted(artefact.manifest.licences),

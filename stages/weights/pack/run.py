@@ -22,7 +22,7 @@ from stages.shared.statistics.feel_tables import LEGEND, feel_markdown
 from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.tables import baseline_of, cells, overview, scopes_of
 from stages.shared.statistics.tasks import TASK_NAMES
-from stages.shared.weights.facts import VERDICT_WORDS, kept_validation, verdicts
+from stages.shared.weights.facts import VERDICT_WORDS, check_of_task, kept_validation, verdicts
 from stages.shared.weights.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
 from stages.shared.weights.task_weights import is_of_task
 from stages.weights.pack.config import Config
@@ -78,11 +78,7 @@ def pack_task(config: Config, progress: Progress) -> StageReport:
     progress.start("packing", 1)
     source = open_artefact(config.run, "checkpoint")
     kept = _read(source, config.licence)
-    if "task" not in kept.config:
-        raise InputError(
-            f"{config.run} holds no network that was fine-tuned for a task.",
-            "Give the folder that holds both ae and lms.",
-        )
+    check_of_task(kept, config.run)
     measured = kept_validation(kept.log)
     packed = _pack(config, "", replace(kept, log=[measured] if measured else []), source, logged=None)
     progress.advance()
