@@ -22,7 +22,7 @@
 # make pretrain    weights from the archives: RECIPE=small|small-free SLICE=9 (minutes; 0 to the end); the same command goes
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
-# make lifter      the network that `pumps estimate` uses without training, from free archives; SLICE=9, INITIAL=
+# make lifter      trains the network that `pumps estimate` uses by default, on free archives; SLICE=9, INITIAL=
 # make gallery     twelve clips on six rigs, filled: runs/gallery/gallery.html and docs/pictures; GALLERY_WEIGHTS=small
 # make first-picture  the picture of the README's first example, of the weights PICTURED='small-free small'
 # make retarget-report  motions on other rigs: how near hands and feet come to their places

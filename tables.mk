@@ -47,4 +47,4 @@ WITH_spectral-tables = --with 'steps=$(SPECTRAL_STEPS)' --with 'third=$(shell ex
 spectral-tables: $(VENV)/installed-mesh
 	$(call made,spectral,,$(WITH_spectral-tables),$(UNTIL_SLICE))
 body-parts-table1 body-parts-table2 body-parts-table3: install
-	$(call made,body-parts,$(@:body-parts-%=%),--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')
+	$(call made,body-parts,,--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')

@@ -6,11 +6,11 @@ Without archives: the families of ../shared/data below. Of each, `--most` clips,
 the middle of each.
 
 mirror:   distance of each joint from its partner's image, and of a motion mirrored twice from itself.
-resample: every second frame is left out and made again; the error in the frames made, beside slerp and lerp.
+resample: every second frame is left out and made again; the error in the frames made, beside slerp.
 loop:     the first three seconds; change of velocity at the seams (mean over the body's joints), over the clip's own.
-join:     half a second in the middle is left out, and the second part is turned and shifted away before; how far it
-          is then put from its true place and heading, the error in the filled frames beside plain interpolation of
-          the same frames, and the seams' change of velocity over the clip's own.
+join:     half a second in the middle is left out, and the second part is turned and shifted away. Measured: the
+          distance and the turn from its true place after joining; the error of the filled frames beside plain
+          interpolation; the seams' change of velocity over the clip's own.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def join(motion: Motion, then: Motion, seconds: float, weights: Weights, seed: i
     models = _models(weights, device)
     found = joined(motion.skeleton, motion.record, then.record, models, seconds=seconds, seed=seed)
     text = _file_of(motion).with_rows_of(_file_of(then)) if motion.source and then.source else None
-    return _edited(motion, found.edited, notes=found.speeds, file=text)
+    return _edited(motion if text else replace(motion, source=b""), found.edited, notes=found.speeds, file=text)
 
 
 def _models(weights: Weights, device: str) -> Callable[[], Any]:

@@ -118,7 +118,7 @@ class Motion:
         seed: int = 0,
         device: str = "auto",
     ) -> Motion:
-        """The motion with frames added that lead to its first pose, moved on, so that it can be repeated.
+        """The motion with frames added that lead to its first pose at its new place, so that it can be repeated.
 
         Args:
             seconds: of the frames added; None to find a time. weights, seed, device: as of `pumps.infill`.

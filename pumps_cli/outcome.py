@@ -71,7 +71,7 @@ def _fail(manner: Manner, message: str, hint: str | None, code: int) -> None:
     try:
         if manner.json:
             say(json.dumps({"error": message, "hint": hint, "exit_code": code}))
-            sys.stdout.flush()  # an output that is closed shows it only now
+            sys.stdout.flush()  # a closed output raises OSError only when it is flushed
         else:
             say_aside(sentence)
     except OSError:  # stdout is closed or full

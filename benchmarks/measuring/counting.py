@@ -44,7 +44,7 @@ class _Counter(TorchDispatchMode):
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
         if torch.is_inference_mode_enabled() and func._overloadpacket not in flop_registry:
-            with self:  # in this mode an operation is called whole, and not as those that it consists of
+            with self:  # inference mode passes a composite operation as a whole, not as its parts
                 parts = func.decompose(*args, **kwargs)
             if parts is not NotImplemented:
                 return parts

@@ -16,7 +16,7 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
 
     input: Path = Field(
         description="Motion to clean: a BVH, whose untouched frames keep their bytes, or any format that pumps reads."
-        " FILE.zip!MEMBER reads from an archive."
+        " FILE.zip!MEMBER reads from an archive; of a folder, an archive or a pattern, each file is cleaned."
     )
     output: Path = Field(description="File to write: .bvh, .glb, .npz, .csv or .parquet.")
     method: Literal["mend", "savgol", "one-euro", "butterworth", "laplacian"] = Field(

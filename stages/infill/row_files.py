@@ -23,7 +23,7 @@ from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.robot_csv import USUAL_FPS, poses_of, rig_asked
 from stages.shared.formats.robot_rig import RobotRig
 from stages.shared.formats.robot_table import RobotTable, check_rows, read_table, table_with_rows
-from stages.shared.formats.robot_write import RobotRows, notes_of_rows, rows_of_motion
+from stages.shared.formats.robot_write import RobotRows, notes_of_rows, rows_of_motion, spelled_as_keys
 from stages.shared.formats.skeleton_map import SkeletonMap, choose_map
 from stages.shared.formats.sources import Source
 from stages.shared.inference.constraints.known_parts import KnownParts
@@ -222,20 +222,9 @@ class _RobotRows:
         made = rows_of_motion(self.robot, self._skeleton, filled, self.table.name, limited=self.limited)
         at = keys - first
         values = np.zeros((frames, key_values.shape[1]))
-        values[first : first + filled.frames] = _spelled_as_keys(made.values, at, key_values)
+        values[first : first + filled.frames] = spelled_as_keys(made.values, at, key_values)
         missing = np.setdiff1d(np.arange(first, first + filled.frames), np.fromiter(kept, np.int64)) - first
         shown = RobotRows(values, made.beyond[missing], made.off_m[missing], made.fitted[missing])
         by_frame = dict(zip(keys.tolist(), rows.tolist(), strict=True))
         text = table_with_rows(self.table, values, kept, by_frame)
         return text, notes_of_rows(self.robot, shown, limited=self.limited)
-
-
-def _spelled_as_keys(values: np.ndarray, keys: np.ndarray, key_values: np.ndarray) -> np.ndarray:
-    """Rows (T, 7 + M) with the quaternion's sign and the whole turns of angles as the key before them has them."""
-    before = np.clip(np.searchsorted(keys, np.arange(len(values)), side="right") - 1, 0, None)
-    out = values.copy()
-    turns = np.round((key_values[:, 7:] - values[keys, 7:]) / (2 * np.pi)) * 2 * np.pi
-    out[:, 7:] += turns[before]
-    same = (key_values[:, 3:7] * values[keys, 3:7]).sum(axis=1)
-    out[:, 3:7] *= np.where(same < 0, -1.0, 1.0)[before, None]
-    return out

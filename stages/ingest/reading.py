@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-import os
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing.context import BaseContext
 
 from data_schemas.errors import InputError
 from data_schemas.motion import fault_of_motion, fault_of_skeleton
@@ -21,6 +18,7 @@ from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.sources import Source
 from stages.shared.humanoid.motion_quality import measure_quality
 from stages.shared.kinematics.forward_numpy import positions_of
+from stages.shared.threads import cores, process_context
 
 LEAST_FRAMES = 2
 _BATCH_BYTES = 2 << 20
@@ -115,7 +113,7 @@ def quality_of(recording: Recording) -> MotionQuality:
 
 def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
     """Outcomes of all jobs, in order. `workers` processes, 0 for one per core."""
-    count = workers or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+    count = workers or cores()
     if count <= 1 or sum(job.source.size for job in jobs) < _POOL_FROM_BYTES:
         yield from map(read_one, jobs)
         return
@@ -168,13 +166,7 @@ def _read_apart(jobs: Sequence[Job]) -> Iterator[Outcome]:
 
 
 def _pool(count: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(count, mp_context=_context())
-
-
-def _context() -> BaseContext:
-    """Processes that are spawned, since a fork would copy the locks held by threads of the caller's libraries."""
-    methods = multiprocessing.get_all_start_methods()
-    return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+    return ProcessPoolExecutor(count, mp_context=process_context())
 
 
 def _read_batch(jobs: Sequence[Job]) -> list[Outcome]:

@@ -10,8 +10,7 @@ _WRITES = "BVH, GLB, npz, CSV, Parquet"
 def _verb(name: str, summary: str, example: str, *more: str, reads: tuple[str, ...] = ("any format",)) -> Stage:
     """`pumps edit NAME`. more: further arguments after the input."""
     return Stage(
-        ("edit", name), summary, reads, _WRITES, example, arguments=("input", *more), pipeline=False,
-        without=("jobs", "suffix") if more else (),
+        ("edit", name), summary, reads, _WRITES, example, arguments=("input", *more), pipeline=False
     )  # fmt: skip
 
 
@@ -30,7 +29,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     _verb(
         "loop",
-        "Add frames that lead from a clip's last pose to its first one, moved on, so that it can be repeated.",
+        "Add frames after a clip's last one that lead to its first pose, at the place where the clip ends, so that it "
+        "can be repeated.",
         "pumps edit loop walk.bvh -o walk_loop.bvh",
         reads=("any format", "checkpoint"),
     ),

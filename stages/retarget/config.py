@@ -15,7 +15,7 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
 
     input: Path = Field(
         description="Recording whose motion is used: a BVH or any other format that pumps reads. FILE.zip!MEMBER "
-        "reads from an archive."
+        "reads from an archive; of a folder, an archive or a pattern, each file is retargeted."
     )
     to: Path = Field(
         description="Target rig: a BVH with its header and its rest pose or a motion, whose joints rotate freely;"

@@ -40,7 +40,8 @@ class WritingConfig(StageConfig):
 
 
 class ManyFilesConfig(WritingConfig):
-    """A stage that makes one file of another, and files in a folder of all those in a folder, glob or archive."""
+    """A stage that makes one file from another. Given a folder, glob or archive, it makes a file in the output folder
+    from each."""
 
     jobs: int = Field(
         0,

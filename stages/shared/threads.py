@@ -1,11 +1,14 @@
-"""How OpenMP's threads wait. Imports no torch, since it must be called before torch is loaded."""
+"""Processes and threads: how many, how they start, how OpenMP's threads wait. Imports no torch, since it must be
+called before torch is loaded."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing.context import BaseContext
 
 _torch_came_first = False
 
@@ -42,3 +45,14 @@ def one_thread_if_they_spin() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def process_context() -> BaseContext:
+    """Processes that are not forked from this one, since a fork would copy the locks of its libraries' threads."""
+    methods = multiprocessing.get_all_start_methods()
+    return multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")

@@ -11,9 +11,12 @@ import pytest
 
 import pumps
 from data_schemas.errors import InputError, UsageError
+from stages.edit.join import run as join_run
 from stages.registry import stage_named
 from stages.shared.contract import StageReport
+from stages.shared.editing import edited_file
 from stages.shared.editing.mirror import mirror_of, mirrored
+from stages.shared.editing.motion_files import MotionFile
 from stages.shared.editing.placing import Placement, headings_of_motion, placement_after
 from stages.shared.formats.bvh import BvhFile, read_bvh
 from stages.shared.formats.bvh_motion import motion_of
@@ -200,3 +203,25 @@ def test_outputs_are_not_overwritten(tmp_path: Path):
     with pytest.raises(UsageError):
         edit("mirror", KICK, tmp_path / "a.bvh")
     assert (tmp_path / "a.bvh").read_bytes() == b"mine"
+
+
+def test_a_bvh_of_another_name_is_joined_in_its_own_text(tmp_path: Path):
+    """What the first file holds decides, not its suffix."""
+    (tmp_path / "walk.txt").write_bytes(WALK.read_bytes())
+    edit("join", tmp_path / "walk.txt", tmp_path / "j.bvh", then=KICK, blend=0)
+    assert read(tmp_path / "j.bvh").frames == read(WALK).frames + read(KICK).frames
+
+
+def test_python_joins_a_motion_that_has_no_text():
+    walk, kick = pumps.load(WALK), pumps.load(KICK)
+    made = walk.join(replace(kick, source=b""), 0)
+    assert made.frames == walk.frames + kick.frames and made.source == b""
+
+
+def test_notes_on_the_second_file_name_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def read_with_note(config: Any, path: Path) -> MotionFile:
+        return replace(edited_file.file_asked(config, path), notes=("Something is assumed.",))
+
+    monkeypatch.setattr(join_run, "file_asked", read_with_note)
+    notes = edit("join", WALK, tmp_path / "j.bvh", then=KICK, blend=0).figures["notes"]
+    assert f"{KICK}: Something is assumed." in notes

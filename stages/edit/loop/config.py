@@ -5,17 +5,17 @@ from __future__ import annotations
 from pydantic import Field
 
 from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig
-from stages.shared.editing.settings import EditConfig
+from stages.shared.editing.settings import ManyEditsConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(EditConfig, DeviceConfig, SeededConfig):
-    """Add frames that lead from a clip's last pose to its first one, moved on."""
+class Config(ManyEditsConfig, DeviceConfig, SeededConfig):
+    """Add frames that lead from a clip's last pose to its first one, at the place where the clip ends."""
 
     blend: float | None = Field(
         None,
-        description="Seconds of the frames added; by default 0.1 to 1 s: what the way takes at the clip's usual "
-        "speed, and longer where a seam is not smooth.",
+        description="Seconds to add; by default the time that the way to the first pose takes at the clip's usual "
+        "speed, or longer where a seam is not smooth, 0.1 to 1 s.",
         gt=0,
         le=10,
     )

@@ -6,10 +6,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.editing.settings import EditConfig
+from stages.shared.editing.settings import ManyEditsConfig
 
 
-class Config(EditConfig):
+class Config(ManyEditsConfig):
     """Exchange left and right."""
 
     across: Literal["auto", "x", "z"] = Field(

@@ -23,8 +23,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     def change(file: MotionFile) -> Change:
         edited = resampled(file.skeleton, file.motion, config.fps)
         notes = edited.notes
-        if file.table is not None:
-            notes = (*notes, f"Such files state no frame rate: read this one with --fps-override {config.fps:g}.")
+        if file.table is not None and config.output.suffix.lower() == ".csv":
+            notes = (
+                *notes,
+                f"A table of joint angles states no frame rate: read the output with --fps-override {config.fps:g}.",
+            )
         return Change(replace(edited, notes=notes))
 
     return edit_file(config, change, progress)

@@ -6,14 +6,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.editing.settings import EditConfig
+from stages.shared.editing.settings import ManyEditsConfig
 
 
-class Config(EditConfig):
+class Config(ManyEditsConfig):
     """Smooth a whole motion in time."""
 
     seconds: float = Field(0.3, description="Time over which each frame is averaged.", gt=0, le=10)
     method: Literal["savgol", "butterworth"] = Field(
         "savgol",
-        description="savgol fits a curve of degree 3; butterworth removes what swings faster than --seconds.",
+        description="savgol fits a curve of degree 3; butterworth removes movement that goes back and "
+        "forth in less than about --seconds.",
     )

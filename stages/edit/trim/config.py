@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from stages.shared.editing.settings import EditConfig
+from stages.shared.editing.settings import ManyEditsConfig
 
 
-class Config(EditConfig):
+class Config(ManyEditsConfig):
     """Keep a range of a file's frames."""
 
     frames: str | None = Field(None, description="Frames to keep, such as 10:50 (without 50), 10: or :-5.")

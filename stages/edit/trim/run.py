@@ -19,7 +19,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: UsageError for options that are not possible; InputError for a bad file.
     """
     if (config.frames is None) == (config.seconds is None):
-        raise UsageError("It is not said what to keep.", "Give --frames 10:50, or --seconds 0.5:2.")
+        raise UsageError(
+            "Exactly one of --frames and --seconds says what to keep.", "Give --frames 10:50, or --seconds 0.5:2."
+        )
 
     def change(file: MotionFile) -> Change:
         motion = file.motion

@@ -65,15 +65,16 @@ class Bridged:
 def looped(
     skeleton: Skeleton, motion: Motion, models: Callable[[], Models], *, seconds: float | None = None, seed: int = 0
 ) -> Bridged:
-    """A clip with frames added that lead from its last pose to its first one, moved on.
+    """A clip with frames added that lead from its last pose to its first one, at its new place.
 
-    The first pose is moved on by the clip's own travel and turned by its own turn. The result, repeated with that
+    The first pose is moved by the clip's own travel and turned by its own turn. The result, repeated with that
     travel and turn, is an endless motion.
 
     Args:
         models: loads the models that fill.
-        seconds: time of the frames added; None for what the way takes at the clip's usual speed, from 0.1 s on, and
-            for longer, up to 1 s, where the velocity changes by more than 1.2 times the usual at a seam.
+        seconds: time of the frames added. None: the time that the way takes at the clip's usual speed, 0.1 to 1 s;
+            while the velocity at a seam changes by more than 1.2 times the clip's usual change, half as long again is
+            tried, up to 1 s.
 
     Raises: UsageError for a time that is not above 0; InputError for a clip of fewer than 3 frames.
     """
@@ -84,10 +85,11 @@ def looped(
     if seconds is not None:
         return _looped(skeleton, motion, max(round(seconds * motion.fps), 1), models(), seed)
     count, most = _frames_of_way(skeleton, motion), max(round(LONGEST_LOOP_S * motion.fps), 1)
-    tried = [_looped(skeleton, motion, count, models(), seed)]
+    loaded = models()
+    tried = [_looped(skeleton, motion, count, loaded, seed)]
     while tried[-1].roughness > SMOOTH_SEAM and count < most:
         count = min(max(round(_LONGER * count), count + 1), most)
-        tried.append(_looped(skeleton, motion, count, models(), seed))
+        tried.append(_looped(skeleton, motion, count, loaded, seed))
     return min(tried, key=lambda each: max(each.roughness, SMOOTH_SEAM))  # of equally smooth ones the shortest
 
 
@@ -207,8 +209,8 @@ def _frames_of_way(skeleton: Skeleton, motion: Motion) -> int:
     least, most = (max(round(seconds * motion.fps), 1) for seconds in (SHORTEST_LOOP_S, LONGEST_LOOP_S))
     after = placement_after(skeleton, motion, motion, 1 / motion.fps).of_motion(motion.at(slice(0, 3)))
     body = skeleton.groups >= 0
-    places = positions_of(skeleton, motion)[:, body]
-    pelvis = positions_of(skeleton, motion)[:, skeleton.root : skeleton.root + 1]
+    whole = positions_of(skeleton, motion)
+    places, pelvis = whole[:, body], whole[:, skeleton.root : skeleton.root + 1]
     moved = np.diff(places - pelvis, axis=0)
     usual = float(np.linalg.norm(moved, axis=-1).max(axis=1).mean())
     way = positions_of(skeleton, after)[0, body] - places[-1]

@@ -35,6 +35,11 @@ class Edited:
     bridged: np.ndarray
     notes: tuple[str, ...] = ()
 
+    @property
+    def kept(self) -> dict[int, int]:
+        """Frame -> the input's frame that it is, unchanged."""
+        return {int(frame): int(self.rows[frame]) for frame in np.flatnonzero(self.rows != NONE)}
+
     @classmethod
     def of(
         cls,

@@ -30,9 +30,9 @@ from stages.shared.progress import Progress
 class Change:
     """What a verb made of a file.
 
-    edited: the result. lines: of the summary. figures: for machines.
-    mirror: what the whole motion was mirrored at, if it was. file: whose text the result is written in, if it is not
-        the input's alone.
+    edited: the result. lines: sentences for the summary. figures: the same for programs.
+    mirror: the mirror, if the whole motion was mirrored. file: the file in whose text the result is written, if that
+        is not the input.
     """
 
     edited: Edited
@@ -116,6 +116,12 @@ def change_of_bridge(found: Bridged, fps: float, what: str, file: MotionFile | N
         figures["usual_jump_mps"] = seams.usual_mps
         figures["usual_speed_mps"] = seams.step_mps
     return Change(edited, lines, figures, file=file)
+
+
+def trip_of(change: Change) -> tuple[float, float]:
+    """Metres on the ground and degrees by which the clip after a bridge was moved."""
+    shift = change.figures["shift_m"]
+    return float(np.hypot(shift[0], shift[2])), change.figures["turn_degrees"]
 
 
 def _degrees(radians: float) -> float:

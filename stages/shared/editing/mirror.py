@@ -135,13 +135,13 @@ def _symmetric_poses(skeleton: Skeleton, motion: Motion, partner: np.ndarray) ->
             if off[0] < _LOPSIDED:
                 axis = int(np.abs(left[0]).argmax())
                 normal = np.eye(3)[axis] if np.abs(left[0, axis]) > _NEAR_AXIS else left[0]
-                return matrices_of(rest.rotations), _reflections(normal[None]), True
+                return _matrices_of(rest.rotations), _reflections(normal[None]), True
     except InputError:
         pass  # a limb is missing, and the rest pose cannot be judged
     some = motion.at(np.unique(np.linspace(0, motion.frames - 1, _CANDIDATES).astype(int)))
     left, off = _asymmetry(skeleton, some, parts, partner)
     best = np.argsort(off)[: max(round(_SHARE * len(off)), 1)]
-    return matrices_of(some.rotations[best]), _reflections(left[best]), False
+    return _matrices_of(some.rotations[best]), _reflections(left[best]), False
 
 
 def _asymmetry(
@@ -161,7 +161,7 @@ def _asymmetry(
     return left, off / max(float(height), 1e-9)
 
 
-def matrices_of(rotations: np.ndarray) -> np.ndarray:
+def _matrices_of(rotations: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) as matrices (..., 3, 3), float64."""
     flat = Rotation.from_quat(rotations.reshape(-1, 4).astype(np.float64)).as_matrix()
     return flat.reshape(*rotations.shape[:-1], 3, 3)

@@ -14,7 +14,7 @@ from stages.shared.editing.edited import NONE, Edited
 from stages.shared.editing.mirror import Mirror
 from stages.shared.editing.mirrored_rows import mirrored_columns, mirrored_text
 from stages.shared.formats.bvh import BvhFile, read_bvh
-from stages.shared.formats.bvh_motion import rate_of
+from stages.shared.formats.bvh_motion import motion_of, rate_of
 from stages.shared.formats.bvh_rows import values_of
 from stages.shared.formats.bvh_write import with_frame_count, write_bvh
 from stages.shared.formats.euler_rows import rows_between_keys, sentences_of_jumps
@@ -23,7 +23,7 @@ from stages.shared.formats.recording import Asked
 from stages.shared.formats.robot_csv import rig_asked
 from stages.shared.formats.robot_rig import RobotRig
 from stages.shared.formats.robot_table import RobotTable, read_table, table_with_rows
-from stages.shared.formats.robot_write import notes_of_rows, rows_of_motion
+from stages.shared.formats.robot_write import notes_of_rows, rows_of_motion, spelled_as_keys
 from stages.shared.formats.skeleton_map import choose_map
 from stages.shared.formats.sources import Source
 from stages.shared.formats.writers import bytes_of_motion, written_format
@@ -43,6 +43,11 @@ class MotionFile:
     bvh: BvhFile | None = None
     robot: RobotRig | None = None
     table: RobotTable | None = None
+
+    def keeps_text(self, output: Path) -> bool:
+        """Whether a result with the output's suffix is written in this file's own text."""
+        suffix = output.suffix.lower()
+        return (self.bvh is not None and suffix == ".bvh") or (self.robot is not None and suffix == ".csv")
 
     def written(self, output: Path, edited: Edited, *, mirror: Mirror | None = None) -> tuple[bytes, list[str]]:
         """The edited motion as a file of the output's suffix, and notes on what that cannot hold.
@@ -100,6 +105,13 @@ def motion_file(source: Source, asked: Asked, data: bytes | None = None) -> Moti
         beside = rig_beside(source, chosen.rig)
         if beside is not None:
             asked = replace(asked, rig=beside.read(), rig_name=beside.name)
+    if chosen.name == "bvh":
+        bvh = read_bvh(data, name)
+        skeleton, motion, oddities = motion_of(
+            bvh, fps_override=asked.fps_override, skeleton_maps=asked.skeleton_maps, up_axis=asked.up_axis
+        )
+        choose_map(asked.skeleton_maps, skeleton.names, must_fit=bool(asked.skeleton_maps))
+        return MotionFile(name, skeleton, motion, tuple(oddities), bvh)
     found = read_recordings(data, source, chosen, asked)
     if len(found) != 1:
         raise InputError(
@@ -109,13 +121,10 @@ def motion_file(source: Source, asked: Asked, data: bytes | None = None) -> Moti
     each = found[0]
     choose_map(asked.skeleton_maps, each.skeleton.names, must_fit=bool(asked.skeleton_maps))
     notes = tuple(sentences_of([*each.notes, *each.remarks]))
-    bvh = robot = table = None
-    if chosen.name == "bvh":
-        bvh = read_bvh(data, name)
-    elif chosen.name == "robot":
-        robot = rig_asked(name, asked)
-        table = read_table(data, name, robot)
-    return MotionFile(name, each.skeleton, each.motion, notes, bvh, robot, table)
+    if chosen.name != "robot":
+        return MotionFile(name, each.skeleton, each.motion, notes)
+    robot = rig_asked(name, asked)
+    return MotionFile(name, each.skeleton, each.motion, notes, None, robot, read_table(data, name, robot))
 
 
 def _bvh_bytes(bvh: BvhFile, skeleton: Skeleton, edited: Edited, mirror: Mirror | None) -> tuple[bytes, list[str]]:
@@ -126,12 +135,10 @@ def _bvh_bytes(bvh: BvhFile, skeleton: Skeleton, edited: Edited, mirror: Mirror 
     near[edited.like >= 0] = bvh.values[edited.like[edited.like >= 0]]
     if mirror is not None:
         columns = mirrored_columns(bvh, skeleton, mirror, set(motion.track_joints.tolist()))
-        near[:] = np.nan
         values = values_of(bvh, skeleton, motion, near)
         text = mirrored_text(bvh, columns, values)
         every = {frame: frame for frame in range(motion.frames)}
         return write_bvh(text, text.values, every, frame_time=frame_time), []
-    kept = {int(frame): int(edited.rows[frame]) for frame in np.flatnonzero(edited.rows != NONE)}
     out = near.copy()
     made = np.flatnonzero((edited.rows == NONE) & ~edited.bridged)
     if len(made):
@@ -146,27 +153,16 @@ def _bvh_bytes(bvh: BvhFile, skeleton: Skeleton, edited: Edited, mirror: Mirror 
         known = np.flatnonzero(~edited.bridged)
         out, found = rows_between_keys(bvh, skeleton, motion, known, out[known])
         jumps = sentences_of_jumps(found, 0)
-    return write_bvh(bvh, out, kept, motion.frames, frame_time=frame_time), jumps
+    return write_bvh(bvh, out, edited.kept, motion.frames, frame_time=frame_time), jumps
 
 
 def _robot_bytes(robot: RobotRig, table: RobotTable, skeleton: Skeleton, edited: Edited) -> tuple[bytes, list[str]]:
     """Rows of a robot's angles, with the whole turns and the quaternion's sign of the rows that they are like."""
     motion = edited.motion
     made = rows_of_motion(robot, skeleton, motion, table.name)
-    values = made.values
-    guided = np.flatnonzero(edited.like >= 0)
-    turns = np.zeros((motion.frames, values.shape[1] - 7))
-    signs = np.ones(motion.frames)
+    guided, values = np.flatnonzero(edited.like >= 0), made.values
     if len(guided):
-        theirs = table.values[edited.like[guided]]
-        last = np.maximum.accumulate(np.where(edited.like >= 0, np.arange(motion.frames), guided[0]))
-        at_guides = np.zeros_like(turns)
-        at_guides[guided] = np.round((theirs[:, 7:] - values[guided, 7:]) / (2 * np.pi)) * 2 * np.pi
-        sign_at = np.ones(motion.frames)
-        sign_at[guided] = np.where((theirs[:, 3:7] * values[guided, 3:7]).sum(axis=1) < 0, -1.0, 1.0)
-        turns, signs = at_guides[last], sign_at[last]
-    values[:, 7:] += turns
-    values[:, 3:7] *= signs[:, None]
-    kept = {int(frame): int(edited.rows[frame]) for frame in np.flatnonzero(edited.rows != NONE)}
+        values = spelled_as_keys(values, guided, table.values[edited.like[guided]])
+    kept = edited.kept
     data = table_with_rows(table, values, kept, kept or {0: 0, motion.frames - 1: table.frames - 1})
     return data, notes_of_rows(robot, made, limited=False)

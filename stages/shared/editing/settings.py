@@ -7,21 +7,23 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import ManyFilesConfig
+from stages.shared.contract import ManyFilesConfig, WritingConfig
+
+_INPUT = (
+    "Motion to change: a BVH, whose text and untouched rows stay, a robot's joint angles, or any format that pumps "
+    "reads. FILE.zip!MEMBER reads from an archive"
+)
+_OUTPUT = (
+    "File to write: .bvh, .glb, .npz, .csv or .parquet. With the input's suffix, a BVH and a robot's joint angles "
+    "keep their layout."
+)
 
 
-class EditConfig(ManyFilesConfig):
+class EditConfig(WritingConfig):
     """Change a whole file, of any format that pumps reads."""
 
-    input: Path = Field(
-        description="Motion to change: a BVH, whose text and untouched rows stay, a robot's joint angles, or any "
-        "format that pumps reads. FILE.zip!MEMBER reads from an archive; of a folder, archive or pattern, each file "
-        "is changed."
-    )
-    output: Path = Field(
-        description="File to write: .bvh, .glb, .npz, .csv or .parquet. With the input's suffix, a BVH and a robot's "
-        "joint angles keep their layout. For several files, a folder."
-    )
+    input: Path = Field(description=f"{_INPUT}.")
+    output: Path = Field(description=_OUTPUT)
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0, lt=1e6
     )
@@ -36,3 +38,10 @@ class EditConfig(ManyFilesConfig):
     skeleton_map: Path | None = Field(
         None, description="TOML that assigns joints to parts of the body (`pumps inspect FILE --map` prints one)."
     )
+
+
+class ManyEditsConfig(EditConfig, ManyFilesConfig):
+    """The same of each file in a folder, archive or pattern."""
+
+    input: Path = Field(description=f"{_INPUT}; of a folder, archive or pattern, each file is changed.")
+    output: Path = Field(description=f"{_OUTPUT} For several files, a folder.")

@@ -109,3 +109,18 @@ def _joints_of(rig: RobotRig, skeleton: Skeleton, name: str) -> list[int]:
             "`pumps retarget --to` the URDF puts it there.",
         )
     return order
+
+
+def spelled_as_keys(values: np.ndarray, keys: np.ndarray, key_values: np.ndarray) -> np.ndarray:
+    """Rows (T, 7 + M) with the quaternion's sign and the whole turns of angles as the key before them has them.
+
+    Args:
+        keys: (K,) their rows here, rising. key_values: (K, 7 + M).
+    """
+    before = np.clip(np.searchsorted(keys, np.arange(len(values)), side="right") - 1, 0, None)
+    out = values.copy()
+    turns = np.round((key_values[:, 7:] - values[keys, 7:]) / (2 * np.pi)) * 2 * np.pi
+    out[:, 7:] += turns[before]
+    same = (key_values[:, 3:7] * values[keys, 3:7]).sum(axis=1)
+    out[:, 3:7] *= np.where(same < 0, -1.0, 1.0)[before, None]
+    return out

@@ -2,8 +2,8 @@
 
 The output is a folder. `files.jsonl` in it is the run's journal: its first line has the settings and every output
 that is planned, and each file adds a line when it is done. After a kill, the same command goes on: files whose line
-says that they were written, and whose input and output are unchanged, are not run again. `files.csv` is the table of
-what became of each file.
+says that they were written, whose input is unchanged and whose output exists are not run again. `files.csv` is the
+table of what became of each file.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ import glob
 import hashlib
 import io
 import json
-import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -36,6 +35,7 @@ from stages.shared.formats.text_cells import text_cell
 from stages.shared.formats.writers import SUFFIXES
 from stages.shared.outputs import check_replaceable
 from stages.shared.progress import SILENT, Progress
+from stages.shared.threads import cores, process_context
 
 JOURNAL, TABLE = "files.jsonl", "files.csv"
 COLUMNS: tuple[str, ...] = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
@@ -91,13 +91,20 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
         raise UsageError(
             f"--suffix {config.suffix} is not one that pumps writes.", f"Give {', '.join(SUFFIXES.values())}."
         )
-    runs = list(_planned(config, out))
     digest = _digest_of(config)
-    ours, done = _earlier(out, digest)
+    earlier = _earlier(out, digest)
+    runs = list(_planned(config, out, earlier.outputs))
+    if not runs:
+        raise InputError(f"{config.input} holds no file to read.", "docs/formats.md lists the formats.")
+    read = {Path(each.source.archive or each.source.name).resolve() for each in runs}
     for each in runs:
-        if str(each.output.relative_to(out)) not in ours:
+        if each.output.resolve() in read:
+            raise UsageError(
+                f"{each.output} is one of the files that are read, and must not be replaced.", "Name another folder."
+            )
+        if not (earlier.same and str(each.output.relative_to(out)) in earlier.outputs):
             check_replaceable(each.output, config.overwrite)
-    rows = [row for each in runs if (row := _still_there(done, each, out)) is not None and not config.overwrite]
+    rows = [] if config.overwrite else [row for each in runs if (row := _still_there(earlier.done, each, out))]
     have = {row["input"] for row in rows}
     to_do = [each for each in runs if each.source.name not in have]
     progress.start("files", len(runs))
@@ -115,12 +122,16 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
     return _report(out, rows, len(have), time.perf_counter() - started)
 
 
-def _planned(config: ManyFilesConfig, out: Path) -> Iterator[FileRun]:
-    """Every file with its output: the same folders, another suffix; of two that would be one file, both suffixes."""
+def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Iterator[FileRun]:
+    """Every file with its output, in the same sub-folders, with the suffix to write. Where two inputs would have one
+    output, the second one's name keeps its old suffix too. What earlier runs wrote into the folder is no input."""
     names: dict[str, FileNames] = {}
     taken: set[Path] = set()
     text = str(config.input)  # type: ignore[attr-defined]
+    written = {(out / name).resolve() for name in (*earlier, TABLE)}
     for source in find_sources([text], suffixes_of(AUTO), keep_bad=True):
+        if not source.archive and Path(source.name).resolve() in written:
+            continue
         own = source.suffix
         suffix = config.suffix or (own if own in SUFFIXES.values() else ".bvh")
         inner = PurePosixPath(source.member.replace("\\", "/"))
@@ -132,7 +143,7 @@ def _planned(config: ManyFilesConfig, out: Path) -> Iterator[FileRun]:
         output = folder / f"{plain.of(inner.stem)}{suffix}"
         if output in taken:
             output = folder / f"{plain.of(inner.stem + own.replace('.', '_'))}{suffix}"
-        while output in taken:  # files of one name from different folders of a pattern
+        if output in taken:  # files of one name from different folders of a pattern
             output = folder / f"{plain.of(source.name)}{suffix}"
             if output in taken:
                 raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
@@ -142,22 +153,32 @@ def _planned(config: ManyFilesConfig, out: Path) -> Iterator[FileRun]:
 
 def _digest_of(config: ManyFilesConfig) -> str:
     """Of the settings that the results depend on."""
-    settings = config.model_dump(mode="json", exclude={"input", "output", "jobs", "overwrite"})
+    settings = config.model_dump(mode="json", exclude={"input", "output"})
     return hashlib.sha256(json.dumps([type(config).__module__, settings], sort_keys=True).encode()).hexdigest()
 
 
-def _earlier(out: Path, digest: str) -> tuple[set[str], dict[str, dict[str, Any]]]:
-    """Outputs that an earlier run with the same settings planned, and its outcomes by input."""
+@dataclass(frozen=True)
+class _Earlier:
+    """The last run into the folder.
+
+    outputs: names of the files that it planned. same: whether it had the same settings. done: if so, its outcomes by
+        input.
+    """
+
+    outputs: frozenset[str] = frozenset()
+    same: bool = False
+    done: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def _earlier(out: Path, digest: str) -> _Earlier:
     try:
         lines = (out / JOURNAL).read_text(encoding="utf-8").splitlines()
         head = json.loads(lines[0])
-        if head["settings"] != digest:
-            return set(), {}
-        outputs = set(head["outputs"])
+        outputs, same = frozenset(map(str, head["outputs"])), head["settings"] == digest
     except (OSError, ValueError, IndexError, KeyError, TypeError):
-        return set(), {}
+        return _Earlier()
     rows = filter(None, map(_row_of_line, lines[1:]))
-    return outputs, {row["input"]: row for row in rows}
+    return _Earlier(outputs, same, {row["input"]: row for row in rows} if same else {})
 
 
 def _row_of_line(line: str) -> dict[str, Any] | None:
@@ -169,8 +190,8 @@ def _row_of_line(line: str) -> dict[str, Any] | None:
     return row if isinstance(row, dict) and set(COLUMNS) <= set(row) else None
 
 
-def _still_there(done: dict[str, dict[str, Any]], each: FileRun, out: Path) -> dict[str, Any] | None:
-    """The earlier outcome of a file, if its input and its output are as they were."""
+def _still_there(done: Mapping[str, dict[str, Any]], each: FileRun, out: Path) -> dict[str, Any] | None:
+    """The earlier outcome of a file, if its input is unchanged and its output exists."""
     row = done.get(each.source.name)
     if row is None or row.get("status") != "written" or not each.output.is_file():
         return None
@@ -182,9 +203,9 @@ def _still_there(done: dict[str, dict[str, Any]], each: FileRun, out: Path) -> d
 
 
 def _outcomes(config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterator[dict[str, Any]]:
-    """The outcome of each file as it is done. If a process dies, its files are run one by one in new ones."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    count = min(config.jobs or cores, len(to_do))
+    """The outcome of each file as it is done. If a process dies, all files that are left are run one after
+    another, each in a new process."""
+    count = min(config.jobs or cores(), len(to_do))
     if count <= 1:
         for each in to_do:
             yield run_one(run, config, each, out)
@@ -208,10 +229,7 @@ def _outcomes(config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterato
 
 
 def _pool(count: int) -> ProcessPoolExecutor:
-    """Processes that are not forked from this one, since a fork would copy the locks of its libraries' threads."""
-    methods = multiprocessing.get_all_start_methods()
-    context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-    return ProcessPoolExecutor(count, mp_context=context, initializer=_one_thread)
+    return ProcessPoolExecutor(count, mp_context=process_context(), initializer=_one_thread)
 
 
 def _one_thread() -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import torch
 
 from data_schemas.errors import PumpsError, UsageError
+from stages.shared.threads import process_context
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.ranks import Ranks
 from stages.shared.training.task import Drawer, TrainingTask, step_random
@@ -78,9 +79,7 @@ def _draw(drawer: Drawer, seed: int, step: int, part: range) -> Any:
 def _executor(drawer: Drawer, workers: int) -> Executor:
     if workers == 0:
         return ThreadPoolExecutor(1)
-    methods = multiprocessing.get_all_start_methods()
-    context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-    return ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(drawer,))
+    return ProcessPoolExecutor(workers, process_context(), initializer=_begin, initargs=(drawer,))
 
 
 def _begin(drawer: Drawer) -> None:

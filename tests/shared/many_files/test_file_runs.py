@@ -138,3 +138,24 @@ def test_a_name_that_a_spreadsheet_takes_for_a_formula_is_text_in_the_table(tmp_
     mirrored(Path("=1+1"), tmp_path / "out")
     (row,) = rows_of(tmp_path / "out").values()
     assert row["input"].startswith("'=1+1")
+
+
+def test_a_folder_that_is_read_is_not_written_over(folder: Path):
+    before = {path: path.read_bytes() for path in folder.rglob("*.bvh")}
+    with pytest.raises(UsageError, match="must not be replaced"):
+        mirrored(folder, folder, overwrite=True)
+    assert {path: path.read_bytes() for path in folder.rglob("*.bvh")} == before
+
+
+def test_results_inside_the_folder_that_is_read_are_no_inputs(folder: Path):
+    for _ in range(3):
+        assert mirrored(folder, folder / "out")["files"] == 4
+    assert sorted(str(path.relative_to(folder / "out")) for path in (folder / "out").rglob("*.bvh")) == [
+        "inner/punch.bvh", "inner/walk.bvh", "kick.bvh",
+    ]  # fmt: skip
+
+
+def test_an_empty_folder_is_an_error(tmp_path: Path):
+    (tmp_path / "in").mkdir()
+    with pytest.raises(InputError):
+        mirrored(tmp_path / "in", tmp_path / "out")
