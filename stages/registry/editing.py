@@ -29,8 +29,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     _verb(
         "loop",
-        "Add frames after a clip's last one that lead to its first pose, at the place where the clip ends, so that it "
-        "can be repeated.",
+        "Add frames after a clip's last one that lead to its first pose, at the place where the clip ends, so that "
+        "it can be repeated.",
         "pumps edit loop walk.bvh -o walk_loop.bvh",
         reads=("any format", "checkpoint"),
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_MOST = 1 / np.sqrt(2)  # no component but the largest of a unit quaternion exceeds it
+_MOST = 1 / np.sqrt(2)  # the three smaller components of a unit quaternion are at most this
 ROTATION_BITS = 10  # of each of three components; two more bits say which one is left out
 ROTATION_BYTES = (3 * ROTATION_BITS + 2) / 8
 

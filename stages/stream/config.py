@@ -33,5 +33,5 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         (1, 8), description="Quantised rotations are sent every so many frames; several for several rows."
     )
     absent: tuple[str, ...] = Field(
-        ("left_leg", "right_leg"), description="Body groups that nobody sees, in the experiment without them."
+        ("left_leg", "right_leg"), description="Body groups that are hidden from the networks in one experiment."
     )

@@ -10,19 +10,17 @@ import torch
 from torch import Tensor
 
 from data_schemas.artefact import write_artefact
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import UsageError
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import BODY_GROUPS
 from stages.shared.contract import StageReport
 from stages.shared.humanoid.clips_on_rig import RotationClip, clips_on_rig
-from stages.shared.inference.part_models import PartBody, load_part_body
-from stages.shared.kinematics.matrix_poses import columns_of_matrices
-from stages.shared.kinematics.rotations import matrices
+from stages.shared.inference.part_models import PartBody, load_part_bodies
+from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.part_errors import joint_errors
-from stages.shared.weights.shipped import named_source
 from stages.stream.channel import arrived
 from stages.stream.config import Config
 from stages.stream.picture import loss_picture
@@ -44,12 +42,12 @@ _RANGE_WINDOWS = 256
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Stream every clip in every way; write `metrics` with a picture.
 
-    Raises: UsageError for a loss, a group or a name that is none; InputError for bodies of different rigs or windows,
-        or where no clip is as long as a window.
+    Raises: UsageError for a loss that the channel cannot have, an unknown body group, or a name twice; InputError for
+        bodies of different rigs or windows, or where no clip is as long as a window.
     """
     check_artefact(config, "metrics")
     hidden = _checked(config)
-    bodies = _bodies(config)
+    bodies = load_part_bodies(config.weights, config.device)
     first = next(iter(bodies.values()))
     with MotionReader(config.motion) as reader:
         progress.start("reading clips")
@@ -97,7 +95,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 def _checked(config: Config) -> list[int]:
-    """The numbers of the absent groups. Raises UsageError for settings that are none."""
+    """The numbers of the absent groups. Raises UsageError for losses or groups that do not exist."""
     for loss in config.loss:
         if not 0 <= loss < 1 or loss / (1 - loss) > config.burst:
             raise UsageError(
@@ -109,19 +107,6 @@ def _checked(config: Config) -> list[int]:
         if group not in BODY_GROUPS:
             raise UsageError(f"There is no body group {group!r}.", f"Take of {', '.join(BODY_GROUPS)}.")
     return [BODY_GROUPS.index(group) for group in config.absent]
-
-
-def _bodies(config: Config) -> dict[str, PartBody]:
-    named = [named_source(text) for text in config.weights]
-    bodies = {name: load_part_body(source, config.device) for name, source in named}
-    if len(bodies) < len(named):
-        raise UsageError("--weights has a name twice.", "Give each a name of its own, as NAME=FOLDER.")
-    (one, first), *others = bodies.items()
-    for name, other in others:
-        alike = (first.window, first.rate_hz) == (other.window, other.rate_hz)
-        if not alike or first.body.skeleton.names != other.body.skeleton.names:
-            raise InputError(f"{one} and {name} have other rigs, windows or rates.", "Stream them one by one.")
-    return bodies
 
 
 def _rotations_name(every: int) -> str:
@@ -144,7 +129,7 @@ def _windows(clips: Sequence[RotationClip], window: int) -> Tensor:
     parts = [
         each.local[: len(each.local) // window * window].reshape(-1, window, *each.local.shape[1:]) for each in clips
     ]
-    return columns_of_matrices(matrices(torch.from_numpy(np.concatenate(parts))))
+    return columns_of(torch.from_numpy(np.concatenate(parts)))
 
 
 def _streamed(
@@ -171,7 +156,7 @@ def _streamed(
         for every in config.every:
             turned, _ = streamed_rotations(local, every, channel)
             shape = (len(columns), first.window, *local.shape[1:])
-            held = columns_of_matrices(matrices(torch.from_numpy(turned).reshape(shape)))
+            held = columns_of(torch.from_numpy(turned).reshape(shape))
             found.setdefault(_rotations_name(every), []).append(_errors(first, held, columns))
     for name, values in found.items():
         for metric, value in zip((ERROR, ANGLE), np.mean(values, axis=0), strict=True):

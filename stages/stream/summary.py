@@ -69,15 +69,16 @@ def summary_md(
         [
             "# Streaming\n",
             f"Made by:\n\n```\n{command_line('pumps stream', config)}\n```\n",
-            f"Packets are lost in runs of {config.burst:g} in the mean. A part's packet holds its latent of one "
+            f"Packets are lost in runs of {config.burst:g} on average. A part's packet holds its latent of one "
             f"window, {config.bits} bits a number; a packet of rotations holds one pose, 4 bytes a joint; every "
             f"packet has {config.header_bytes} bytes more. What is lost is held. Means over clips and "
             f"{config.seeds} seeds.\n",
             *[f"- {note}" for note in notes],
             "\n## MPJPE in cm at 1.80 m (MPJAE in degrees) by the share of packets lost\n",
             *table.markdown(),
-            f"\n## Nobody sees: {absent}\n",
-            "MPJPE in cm of the groups that are seen, no packet lost. Absent joints have the training's mean pose.\n",
+            f"\n## Without {absent}\n",
+            "MPJPE in cm of the other body groups, without packet loss. Joints of the absent groups have the "
+            "mean pose of the training.\n",
             *apart.markdown(),
             "\n## Advice\n",
             advice(lines, sizes, losses),

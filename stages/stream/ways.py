@@ -13,7 +13,7 @@ from stages.shared.inference.part_models import PartBody
 from stages.stream.channel import ROTATION_BYTES, held, quantised, quantised_rotations
 
 Channel = Callable[[int], np.ndarray]
-"""The number of packets in, which of them arrive (count,) out."""
+"""Takes the number of packets; returns (count,) bool, True for those that arrive."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,10 @@ def streamed_parts(
     sent = [quantised(z, low, high, bits) for z, low, high in zip(latents, known.low, known.high, strict=True)]
     whole = body.decode([torch.from_numpy(z).float().to(body.device) for z in sent]).cpu()
     there = channel(len(columns) * len(body.parts)).reshape(len(columns), len(body.parts))
-    owners = _owners(body)
     out = whole.clone()
-    for index, model in enumerate(body.parts):
-        joints = [joint for joint, owner in enumerate(owners) if owner == index]
-        place = {int(joint): row for row, joint in enumerate(model.part.joints)}
-        mean = model.network.mean.cpu().numpy()[[place[joint] for joint in joints]]
+    for index, (model, places) in enumerate(zip(body.parts, body.kept, strict=True)):
+        joints = model.part.joints[places].tolist()
+        mean = model.network.mean.cpu().numpy()[places]
         ends = held(whole[:, -1, joints].numpy(), there[:, index], mean)
         before = np.concatenate([mean[None], ends[:-1]])
         lost = ~there[:, index]
@@ -58,7 +56,7 @@ def streamed_parts(
 
 def streamed_rotations(local: np.ndarray, every: int, channel: Channel) -> tuple[np.ndarray, int]:
     """A clip's rotations (T, B, 4) after the channel, and the number of packets: one packet a pose, every so many
-    frames; the last pose that arrived is held, and the first one before any did."""
+    frames; the last pose that arrived is held; until one arrives, the clip's first pose is."""
     poses = quantised_rotations(local[::every])
     there = channel(len(poses))
     return np.repeat(held(poses, there, poses[0]), every, axis=0)[: len(local)], len(poses)
@@ -75,19 +73,10 @@ def bytes_of_rotations(joints: int, every: int, rate_hz: float, header: int) -> 
 
 
 def without_groups(body: PartBody, columns: Tensor, groups: Sequence[int]) -> Tensor:
-    """Windows (N, T, B, 6) whose joints of these groups have the mean pose of the training: nobody sees them."""
+    """Windows (N, T, B, 6) whose joints of these groups have the mean pose of the training."""
     out = columns.clone()
     for model in body.parts:
         hidden = np.isin(body.body.groups[model.part.joints], groups)
         joints = model.part.joints[hidden]
         out[:, :, joints] = model.network.mean.cpu()[torch.from_numpy(hidden)]
     return out
-
-
-def _owners(body: PartBody) -> list[int]:
-    """For each joint of the body the first part that holds it; -1 for none."""
-    owners = [-1] * len(body.body.joints)
-    for index, model in reversed(list(enumerate(body.parts))):
-        for joint in model.part.joints.tolist():
-            owners[joint] = index
-    return owners

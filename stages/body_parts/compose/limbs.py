@@ -10,6 +10,7 @@ import torch
 
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh_header_write import header_text, plain_names
+from stages.shared.formats.recording import joints_depth_first
 from stages.shared.humanoid.body_parts import BodyPart
 from stages.shared.humanoid.clips_on_rig import RigBodyJoints
 from stages.shared.kinematics.forward import global_rotations, joint_positions
@@ -59,7 +60,7 @@ def body_with_limbs(
             groups.append(rig.groups[joint])
             sampled.append(rig.sampled[joint])
         more.append(limb.local[:, limb.part.connectors :])
-    order = _depth_first(parents)
+    order = joints_depth_first(parents)
     place_of = {joint: index for index, joint in enumerate(order)}
     skeleton = Skeleton(
         names=plain_names([names[joint] for joint in order]),
@@ -89,16 +90,3 @@ def body_with_limbs(
     )
     roots = pelvis - heads[:, skeleton.root].numpy()
     return skeleton, Motion(rotations.astype(np.float32), roots.astype(np.float32), fps)
-
-
-def _depth_first(parents: Sequence[int]) -> list[int]:
-    children: list[list[int]] = [[] for _ in parents]
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            children[parent].append(joint)
-    order, waiting = [], [0]
-    while waiting:
-        joint = waiting.pop()
-        order.append(joint)
-        waiting += reversed(children[joint])
-    return order

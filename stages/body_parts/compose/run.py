@@ -1,8 +1,9 @@
-"""`pumps body-parts compose`: trained parts and motions in, one motion of a body that nobody has out."""
+"""`pumps body-parts compose`: a motion of a body with further limbs, from trained parts and motions."""
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -21,8 +22,7 @@ from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
 from stages.shared.humanoid.clips_on_rig import is_corresponding, motion_on_rig
 from stages.shared.inference.part_models import PartBody, load_part_body
-from stages.shared.kinematics.matrix_poses import columns_of_matrices, matrices_of_columns
-from stages.shared.kinematics.rotations import from_matrices, matrices
+from stages.shared.kinematics.matrix_poses import columns_of, rotations_of_columns
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
@@ -41,13 +41,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     progress.start("composing", 2 + len(recipe.limbs))
     body = load_part_body(recipe.weights, config.device)
     local, pelvis = _on_rig(recipe.motion, body)
-    limbs = [_limb(each, recipe, body, config) for each in recipe.limbs]
+    models = [load_part_body(f"{each.weights}:{each.part}", config.device) for each in recipe.limbs]
+    limbs = [_limb(each, model, recipe, body, config) for each, model in zip(recipe.limbs, models, strict=True)]
     frames = min([len(local), *(len(each.local) for each in limbs)])
     limbs = [AddedLimb(each.part, each.name, each.offset_m, each.local[:frames]) for each in limbs]
     progress.advance(1 + len(limbs))
-    made = _rotations(body.over_clip(_columns(local[:frames])))
+    made = _over_clip(body, local[:frames])
     skeleton, motion = body_with_limbs(body.body, made, pelvis[:frames], limbs, body.rate_hz)
-    licences = sorted({each for artefact in body.inputs for each in artefact.manifest.licences})
+    inputs = [each for one in (body, *models) for each in one.inputs]
+    licences = sorted({licence for each in inputs for licence in each.manifest.licences})
     data, notes = bytes_of_motion(chosen, skeleton, motion, config.output.stem, licence=", ".join(licences))
     write_output(config.output, data)
     if config.picture is not None:
@@ -63,8 +65,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
 
 
-def _limb(limb: Limb, recipe: Recipe, body: PartBody, config: Config) -> AddedLimb:
-    model = load_part_body(f"{limb.weights}:{limb.part}", config.device)
+def _limb(limb: Limb, model: PartBody, recipe: Recipe, body: PartBody, config: Config) -> AddedLimb:
     if not is_corresponding(model.body.skeleton, body.body.skeleton):
         raise InputError(
             f"{limb.weights} is of another rig than {recipe.weights}.", "Train both on one rig's motions."
@@ -85,7 +86,7 @@ def _limb(limb: Limb, recipe: Recipe, body: PartBody, config: Config) -> AddedLi
         draws = [torch.randn(each.shape[1], generator=generator).to(each.device) for each in latents]
         return [z + limb.noise * z.std(dim=0, correction=0) * d for z, d in zip(latents, draws, strict=True)]
 
-    made = _rotations(model.over_clip(_columns(local), moved if limb.noise else None))
+    made = _over_clip(model, local, moved if limb.noise else None)
     part = model.parts[0].part
     return AddedLimb(part, limb.name, limb.offset_m, made[:, part.joints])
 
@@ -106,9 +107,8 @@ def _read(name: str) -> tuple[Skeleton, Motion]:
     return found[0].skeleton, found[0].motion
 
 
-def _columns(local: np.ndarray) -> Tensor:
-    return columns_of_matrices(matrices(torch.from_numpy(local)))
-
-
-def _rotations(columns: Tensor) -> np.ndarray:
-    return from_matrices(matrices_of_columns(columns)).numpy()
+def _over_clip(
+    body: PartBody, local: np.ndarray, altered: Callable[[list[Tensor]], list[Tensor]] | None = None
+) -> np.ndarray:
+    """A clip's rotations (T, B, 4) as its parts reconstruct them."""
+    return rotations_of_columns(body.over_clip(columns_of(torch.from_numpy(local)), altered)).numpy()

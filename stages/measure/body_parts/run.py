@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from data_schemas.artefact import write_artefact
-from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
@@ -32,9 +31,8 @@ from stages.measure.body_parts.summary import (
 )
 from stages.shared.contract import StageReport
 from stages.shared.humanoid.clips_on_rig import RotationClip, clips_on_rig
-from stages.shared.inference.part_models import PartBody, load_part_body
-from stages.shared.kinematics.matrix_poses import columns_of_matrices
-from stages.shared.kinematics.rotations import matrices
+from stages.shared.inference.part_models import PartBody, load_part_bodies, refuse_repeats
+from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.part_errors import grouped, joint_errors
@@ -60,12 +58,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         rates, or where a data set has no clip as long as a window.
     """
     check_artefact(config, "metrics")
-    named = [named_source(text) for text in config.weights]
-    sets = [(*named_source(config.motion), True), *((*named_source(text), False) for text in config.unseen)]
-    _refuse_repeats([name for name, _ in named], "--weights")
-    _refuse_repeats([name for name, *_ in sets], "--motion and --unseen")
-    bodies = {name: load_part_body(source, config.device, config.blend) for name, source in named}
-    _check_alike(bodies)
+    seen_set = (*named_source(config.motion, "--motion"), True)
+    sets = [seen_set, *((*named_source(text, "--unseen"), False) for text in config.unseen)]
+    refuse_repeats([name for name, *_ in sets], "--motion and --unseen")
+    bodies = load_part_bodies(config.weights, config.device, config.blend)
     first = next(iter(bodies.values()))
     inputs: list[Artefact] = [each for body in bodies.values() for each in body.inputs]
     rows: list[MetricRow] = []
@@ -106,25 +102,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
 
 
-def _refuse_repeats(names: Sequence[str], flag: str) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise UsageError(f"{flag} names {twice[0]!r} twice.", "Give each a name of its own, as NAME=FOLDER.")
-
-
-def _check_alike(bodies: dict[str, PartBody]) -> None:
-    (first, one), *others = bodies.items()
-    for name, other in others:
-        if (one.window, one.rate_hz) != (other.window, other.rate_hz):
-            raise InputError(
-                f"{first} and {name} have windows of {one.window} frames at {one.rate_hz:g} Hz and of {other.window} "
-                f"at {other.rate_hz:g} Hz.",
-                "Measure them one by one.",
-            )
-        if one.body.skeleton.names != other.body.skeleton.names:
-            raise InputError(f"{first} and {name} are of different rigs.", "Measure them one by one.")
-
-
 def _column(body: PartBody) -> str:
     return f"BPs{len(body.parts)}"
 
@@ -162,14 +139,14 @@ def _rows_of_set(
     """For each clip, scenario and metric: the mean over the seeds, and the deviation over them."""
     drawn = any(each.kind in ("vae", "svae") for each in body.parts)
     local = torch.cat([clip.local for clip in clips])
-    truth = columns_of_matrices(matrices(local))
+    truth = columns_of(local)
     bounds = np.cumsum([0, *(len(clip.local) for clip in clips)])
     for scenario, noises in SCENARIOS.items():
         values = []
         for seed in range(config.seeds if noises or drawn else 1):
             generator = _generator(config.seed, label, seed)
             given = with_input_noise(local, config.noise_deg, generator) if INPUT in noises else local
-            columns = columns_of_matrices(matrices(given)).to(body.device)
+            columns = columns_of(given).to(body.device)
             latents = body.encode(columns, _on(body.device, generator) if drawn else None)
             if LATENT in noises:
                 latents = with_zeros(latents, config.zeroed, generator)
@@ -187,7 +164,7 @@ def _rows_of_set(
 def _tampered(config: Config, label: str, name: str, body: PartBody, clips: Sequence[_Clip]) -> list[MetricRow]:
     """How far each body group moves when each part's latent is tampered with, from what it is without."""
     local = torch.cat([clip.local for clip in clips])[:_TAMPER_WINDOWS]
-    columns = columns_of_matrices(matrices(local)).to(body.device)
+    columns = columns_of(local).to(body.device)
     latents = body.encode(columns)
     before = body.decode(latents).cpu()
     rows = []

@@ -25,7 +25,6 @@ SCENARIOS: Mapping[str, tuple[str, ...]] = {
 METRICS = ("mpjpe_180_cm", "mpjae_deg")
 _TITLES = {"mpjpe_180_cm": "MPJPE, cm at 1.80 m", "mpjae_deg": "MPJAE, degrees"}
 _TAMPER = "tampered "
-ALL_UNSEEN = "all unseen"
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def summary_md(config: Config, rows: Sequence[MetricRow], measured: Measured, no
     parts.append("\n## Table 3\n")
     for scenario in list(SCENARIOS)[1:]:
         parts += [f"\n### {scenario}\n", *_by_set(rows, measured, scenario, measured.sets, paper.BY_SET[scenario])]
-    parts += ["\n## What holds\n", *findings(rows, measured), *_locality(rows, measured)]
+    parts += ["\n## Best decomposition of each data set\n", *findings(rows, measured), *_locality(rows, measured)]
     return "\n".join(parts) + "\n"
 
 
@@ -153,6 +152,8 @@ def findings(rows: Sequence[MetricRow], measured: Measured) -> list[str]:
             cells = means(rows, measured, metric, PLAIN, [label])
             values = {column: over_kinds(cells, column)[0] for column in measured.columns}
             best, *others = sorted(values, key=lambda column: values[column])
+            if not others:
+                continue
             beside = ", ".join(f"{column} {values[column]:.2f}" for column in others)
             out.append(f"- {label}, {_TITLES[metric]}: {best} is best with {values[best]:.2f} ({beside}).")
     return out
@@ -162,8 +163,9 @@ def terminal_lines(rows: Sequence[MetricRow], measured: Measured) -> list[str]:
     """One line a body and data set, then the findings."""
     lines = []
     for name, (column, kind, _) in measured.bodies.items():
+        own = [row for row in rows if row.method == name]
         for label in measured.sets:
-            found = [means(rows, measured, metric, PLAIN, [label]).get((kind, column)) for metric in METRICS]
+            found = [means(own, measured, metric, PLAIN, [label]).get((kind, column)) for metric in METRICS]
             texts = [f"{cell[0]:.2f}" if cell else "-" for cell in found]
             lines.append(f"{name:12} {label:14} MPJPE {texts[0]} cm, MPJAE {texts[1]} degrees")
     return lines + [line.removeprefix("- ") for line in findings(rows, measured)]
@@ -175,7 +177,9 @@ def _parameters(measured: Measured) -> Table:
     for kind in measured.kinds:
         own = {column: count for column, other, count in measured.bodies.values() if other == kind}
         lines.append(Row((kind,), tuple(Entry(f"{own[c]:,}" if c in own else "") for c in columns)))
-    lines.append(Row(("paper",), tuple(Entry(f"{paper.PARAMETERS.get(c, 0):,}") for c in columns)))
+    lines.append(
+        Row(("paper",), tuple(Entry(f"{paper.PARAMETERS[c]:,}" if c in paper.PARAMETERS else "") for c in columns))
+    )
     return Table(("network",), tuple(columns), tuple(lines))
 
 

@@ -107,10 +107,10 @@ def check_room(name: str, size: int, frames: int, joints: int) -> None:
         )
 
 
-def depth_first(rig: SourceRig, poses: SourcePoses) -> tuple[SourceRig, SourcePoses]:
-    """The same rig and poses with the joints in depth-first order, the order of a BVH."""
-    children: list[list[int]] = [[] for _ in rig.names]
-    for joint, parent in enumerate(rig.parents):
+def joints_depth_first(parents: Sequence[int]) -> list[int]:
+    """The joints in depth-first order; children of one joint stay in order. parents: -1 for joint 0."""
+    children: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
         if parent >= 0:
             children[parent].append(joint)
     order: list[int] = []
@@ -119,6 +119,12 @@ def depth_first(rig: SourceRig, poses: SourcePoses) -> tuple[SourceRig, SourcePo
         joint = to_do.pop()
         order.append(joint)
         to_do += reversed(children[joint])
+    return order
+
+
+def depth_first(rig: SourceRig, poses: SourcePoses) -> tuple[SourceRig, SourcePoses]:
+    """The same rig and poses with the joints in depth-first order, the order of a BVH."""
+    order = joints_depth_first(rig.parents)
     if order == list(range(len(order))):
         return rig, poses
     place = {joint: index for index, joint in enumerate(order)}

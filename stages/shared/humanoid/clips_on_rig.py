@@ -103,19 +103,20 @@ def clips_on_rig(
     found: list[RotationClip] = []
     left: Counter[str] = Counter()
     for row in rows:
-        if resampled_frames(row.frames, row.fps, rate_hz) < least:
+        frames = min(row.frames, max(2, round(longest_s * row.fps))) if longest_s else row.frames
+        if resampled_frames(frames, row.fps, rate_hz) < least:
             left["shorter than a window"] += 1
             continue
-        frames = min(row.frames, max(2, round(longest_s * row.fps))) if longest_s else row.frames
         motion = reader.motion(row.clip, 0, frames)
         whole = row.fps / rate_hz
         interpolated = abs(whole - round(whole)) > 1e-3 or whole < 1
         source = reader.skeleton(row.skeleton)
-        made = motion_on_rig(source, motion, body, rate_hz)
+        made = _on_rig(source, motion, body, rate_hz)
         if made is None:
             left["impossible to retarget"] += 1
             continue
-        found.append(RotationClip(row, made[0], not is_corresponding(source, body.skeleton), interpolated))
+        skeleton, motion, joints = made
+        found.append(RotationClip(row, _local(motion, joints, body), skeleton is not source, interpolated))
     if not found:
         why = ", ".join(f"{count} {reason}" for reason, count in left.items())
         raise InputError(
@@ -130,15 +131,30 @@ def motion_on_rig(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """A motion on the rig at a rate: local rotations (T, B, 4) float32 and places of the pelvis (T, 3) metres, in the
     size of the body that it moves; None if it cannot be retargeted."""
+    made = _on_rig(source, motion, body, rate_hz)
+    if made is None:
+        return None
+    skeleton, motion, joints = made
+    return _local(motion, joints, body), positions_of(skeleton, motion)[:, joints[0]]
+
+
+def _on_rig(
+    source: Skeleton, motion: Motion, body: RigBodyJoints, rate_hz: float
+) -> tuple[Skeleton, Motion, np.ndarray] | None:
+    """The motion at the rate, the skeleton that it moves and the joints of its body: its own where it corresponds to
+    the rig, else the rig's."""
     skeleton, joints = source, np.flatnonzero(np.asarray(source.groups) >= 0)
     if not is_corresponding(source, body.skeleton):
         made = _retargeted(source, motion, body.skeleton)
         if made is None:
             return None
         skeleton, motion, joints = body.skeleton, made, body.joints
-    motion = resample(motion, rate_hz)
-    local = continuous_signs(local_rotations(motion.rotations[:, joints], body.parents)).astype(np.float32)
-    return local, positions_of(skeleton, motion)[:, joints[0]]
+    return skeleton, resample(motion, rate_hz), joints
+
+
+def _local(motion: Motion, joints: np.ndarray, body: RigBodyJoints) -> np.ndarray:
+    """(T, B, 4) float32 rotations in the parents' frames."""
+    return continuous_signs(local_rotations(motion.rotations[:, joints], body.parents)).astype(np.float32)
 
 
 def is_corresponding(one: Skeleton, other: Skeleton) -> bool:

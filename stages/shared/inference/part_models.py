@@ -8,9 +8,8 @@ hold a connector, the spine's rotation of it is kept (de Clermont Gallerande et 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,7 +17,6 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.skeleton_text import skeleton_of_plain
-from data_schemas.trainings import last_sentence
 from stages.shared.humanoid.body_parts import SPINE, BodyPart, body_part
 from stages.shared.humanoid.clips_on_rig import RigBodyJoints, body_joints_of, is_corresponding
 from stages.shared.humanoid.decompositions import DECOMPOSITIONS
@@ -26,6 +24,7 @@ from stages.shared.inference.bounded_network import MOST_WINDOW, build_bounded, 
 from stages.shared.inference.models import load_state, overlapping_windows
 from stages.shared.networks.body_parts.part_networks import NETWORKS, PartNetwork
 from stages.shared.networks.layers.device import choose_device
+from stages.shared.weights.shipped import named_source
 
 _MEND = "Give a folder that `pumps train body-parts` wrote."
 
@@ -37,7 +36,6 @@ class PartModel:
     part: BodyPart
     network: PartNetwork
     kind: str
-    trained_on: str
 
 
 @dataclass(frozen=True)
@@ -98,8 +96,8 @@ class PartBody:
                 "Take a longer motion, or parts that were trained on shorter windows.",
             )
         spans = list(overlapping_windows(frames, self.window))
-        latents = self.encode(torch.stack([columns[start:stop] for start, stop, _ in spans]))
-        made = self.decode(latents if altered is None else altered(latents))
+        latents = self.encode(torch.stack([columns[start:stop] for start, stop, _ in spans]).to(self.device))
+        made = self.decode(latents if altered is None else altered(latents)).to(columns.device)
         out, total = torch.zeros_like(columns), torch.zeros(frames, 1, 1)
         for (start, stop, fade), window in zip(spans, made, strict=True):
             out[start:stop] += fade.view(-1, 1, 1) * window
@@ -111,30 +109,53 @@ class PartBody:
         first = made[0]
         out = first.new_zeros(*first.shape[:2], len(self.body.joints), first.shape[-1])
         out[..., 0] = out[..., 4] = 1.0
-        held: set[int] = set()
-        for model, columns in zip(self.parts, made, strict=True):
+        for model, columns, fresh in zip(self.parts, made, self.kept, strict=True):
             joints = model.part.joints.tolist()
-            fresh = [place for place, joint in enumerate(joints) if joint not in held]
-            again = [place for place, joint in enumerate(joints) if joint in held]
             out[:, :, [joints[place] for place in fresh]] = columns[:, :, fresh]
+            again = sorted(set(range(len(joints))) - set(fresh))
             if self.blend and again:
                 there = [joints[place] for place in again]
                 out[:, :, there] = torch.lerp(out[:, :, there], columns[:, :, again], self.blend)
-            held |= set(joints)
         return out
 
     @property
-    def missing(self) -> np.ndarray:
-        """Joints of the body that no part holds."""
-        held = np.concatenate([each.part.joints for each in self.parts])
-        return np.setdiff1d(np.arange(len(self.body.joints)), held)
+    def kept(self) -> list[list[int]]:
+        """For each part the places of those of its joints that no earlier part holds."""
+        held: set[int] = set()
+        out = []
+        for each in self.parts:
+            joints = each.part.joints.tolist()
+            out.append([place for place, joint in enumerate(joints) if joint not in held])
+            held |= set(joints)
+        return out
 
-    def without(self, names: Sequence[str]) -> PartBody:
-        """The body without some parts. Raises UsageError if none would be left."""
-        kept = tuple(each for each in self.parts if each.part.name not in names)
-        if not kept:
-            raise UsageError("No part of the body is left.", "Leave out fewer parts.")
-        return replace(self, parts=kept)
+
+def load_part_bodies(texts: Sequence[str], device: str = "auto", blend: float = 0.0) -> dict[str, PartBody]:
+    """Bodies of one rig, window and rate by name, of `NAME=SOURCE` texts; see `load_part_body`.
+
+    Raises: UsageError for a name twice; InputError for bodies of different rigs, windows or rates.
+    """
+    named = [named_source(text) for text in texts]
+    refuse_repeats([name for name, _ in named], "--weights")
+    bodies = {name: load_part_body(source, device, blend) for name, source in named}
+    (first, one), *others = bodies.items()
+    for name, other in others:
+        if (one.window, one.rate_hz) != (other.window, other.rate_hz):
+            raise InputError(
+                f"{first} and {name} have windows of {one.window} frames at {one.rate_hz:g} Hz and of {other.window} "
+                f"at {other.rate_hz:g} Hz.",
+                "Measure them one by one.",
+            )
+        if one.body.skeleton.names != other.body.skeleton.names:
+            raise InputError(f"{first} and {name} are of different rigs.", "Measure them one by one.")
+    return bodies
+
+
+def refuse_repeats(names: Sequence[str], flag: str) -> None:
+    """Raise UsageError if a name stands twice."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UsageError(f"{flag} names {twice[0]!r} twice.", "Give each a name of its own, as NAME=FOLDER.")
 
 
 def load_part_body(source: str, device: str = "auto", blend: float = 0.0) -> PartBody:
@@ -150,9 +171,12 @@ def load_part_body(source: str, device: str = "auto", blend: float = 0.0) -> Par
     bodies: list[tuple[RigBodyJoints, int, float]] = []
     inputs: list[Artefact] = []
     chosen = choose_device(device)
+    loaded: dict[str, tuple[list[PartModel], RigBodyJoints, int, float, Artefact]] = {}
     for text in source.split("+"):
         folder, _, part = text.partition(":")
-        models, body, window, rate, artefact = _loaded(folder, chosen)
+        if folder not in loaded:
+            loaded[folder] = _loaded(folder, chosen)
+        models, body, window, rate, artefact = loaded[folder]
         if part:
             models = [each for each in models if each.part.name == part]
             if not models:
@@ -209,7 +233,7 @@ def _loaded(folder: str, device: torch.device) -> tuple[list[PartModel], RigBody
             sizes, weights, folder,
         )  # fmt: skip
         load_state(network, weights, folder)
-        models.append(PartModel(part, network.to(device).eval(), config["kind"], last_sentence(kept.trainings)))
+        models.append(PartModel(part, network.to(device).eval(), config["kind"]))
     return models, body, window, rate, artefact
 
 

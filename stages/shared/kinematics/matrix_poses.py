@@ -9,10 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import torch
 from torch import Tensor
+
+from stages.shared.kinematics.rotations import from_matrices, matrices
 
 _LEAST = 1e-12  # under the root of a squared length, so that the slope at 0 is finite
 _MOST_SINE = 1.0 - 1e-6  # the arc sine's slope at 1 is infinite
@@ -33,17 +36,22 @@ def columns_of_matrices(matrices: Tensor) -> Tensor:
     return matrices[..., :2].transpose(-1, -2).flatten(-2)
 
 
+def columns_of(rotations: Tensor) -> Tensor:
+    """The first two columns (..., 6) of the matrices of unit quaternions (..., 4), a continuous form (Zhou 2019)."""
+    return columns_of_matrices(matrices(rotations))
+
+
+def rotations_of_columns(columns: Tensor) -> Tensor:
+    """Unit quaternions (..., 4) of two columns (..., 6) that need be neither of length 1 nor at right angles."""
+    return from_matrices(matrices_of_columns(columns.float()))
+
+
 def global_matrices(local: Tensor, parents: np.ndarray) -> Tensor:
     """Rotations in the parents' frames (..., J, 3, 3) to those in joint 0's parent's frame, (..., J, 3, 3)."""
     levels, order = _levels(tuple(int(parent) for parent in parents))
     made = [local[..., :1, :, :]]
-    places = {0: (0, 0)}  # joint -> the level that holds it, and its index there
-    for level in levels:
-        above = [int(parents[joint]) for joint in level]
-        depth = places[above[0]][0]
-        held = made[depth][..., [places[joint][1] for joint in above], :, :]
-        places |= {joint: (len(made), index) for index, joint in enumerate(level)}
-        made.append(held @ local[..., level, :, :])
+    for joints, above in levels:
+        made.append(made[-1][..., above, :, :] @ local[..., joints, :, :])
     return torch.cat(made, dim=-3)[..., order, :, :]
 
 
@@ -69,14 +77,16 @@ def angles_of_matrices(first: Tensor, second: Tensor) -> Tensor:
 
 
 @lru_cache(maxsize=64)
-def _levels(parents: tuple[int, ...]) -> tuple[list[list[int]], list[int]]:
-    """Joints below joint 0 by depth, and where each joint is in the concatenation of joint 0 and the levels."""
+def _levels(parents: tuple[int, ...]) -> tuple[list[tuple[list[int], list[int]]], list[int]]:
+    """For each depth below joint 0 its joints, and their parents' places in the depth above. Then the place of each
+    joint in all depths joined."""
     depth = [0]
     for parent in parents[1:]:
         depth.append(depth[parent] + 1)
-    levels = [[joint for joint, d in enumerate(depth) if d == level] for level in range(1, max(depth) + 1)]
-    joined = [0, *(joint for level in levels for joint in level)]
-    return levels, [joined.index(joint) for joint in range(len(parents))]
+    by_depth = [[joint for joint, d in enumerate(depth) if d == level] for level in range(max(depth) + 1)]
+    above = [[upper.index(parents[joint]) for joint in level] for upper, level in pairwise(by_depth)]
+    joined = [joint for level in by_depth for joint in level]
+    return list(zip(by_depth[1:], above, strict=True)), [joined.index(joint) for joint in range(len(parents))]
 
 
 @lru_cache(maxsize=64)

@@ -21,9 +21,8 @@ _MOST_GAIN = 6.0  # pairs of frames that amplify noise by more than this predict
 _LOCAL = 61  # frames, over which the level of clean motion is taken
 _FRAME_LIMITS = (1.5, 4.0)  # times that level: before the refinement, where too many do no harm, and in it
 _JOINT_LIMITS = (5.0, 6.0)
-_MOTION = (
-    0.2  # quantile of the clean frames' errors that stands for motion; frames wrongly taken for clean lie above it
-)
+# Quantile of the clean frames' errors that is taken for motion; frames wrongly taken for clean lie above it.
+_MOTION = 0.2
 _OF_NOISE = 0.35  # share of the noisy frames' median error; a frame below it is not noisy
 _ROUNDS = 8
 _AT_ENDS, _MOST_GROWTH = 2.0, 3.0  # factor on the limit at the ends; largest factor for a long gap

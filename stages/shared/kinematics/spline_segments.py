@@ -75,6 +75,7 @@ def _fill_block(out: np.ndarray, part: np.ndarray, starts: int, longest: int, in
     grams = np.zeros((terms, terms, starts))
     grams[0, 0] = squares[:starts]  # the first frame is at time 0
     powers = np.arange(terms)
+    signs = (-1.0) ** powers
     for step in range(1, min(longest, count - 1) + 1):
         now = step / longest
         times = now**powers
@@ -82,7 +83,6 @@ def _fill_block(out: np.ndarray, part: np.ndarray, starts: int, longest: int, in
         here = min(starts, count - step)
         ends = slice(step, step + here)
         # <sum over i < n of u_i^p y_i, y_n> with u_i = now - e / longest, expanded by the binomial theorem.
-        signs = (-1.0) ** powers
         expand = (
             _BINOMIAL[:terms, :terms] * now ** np.clip(powers[:, None] - powers[None, :], 0, None) * signs[None, :]
         )
@@ -91,11 +91,11 @@ def _fill_block(out: np.ndarray, part: np.ndarray, starts: int, longest: int, in
         grams[:, :, :here] += (
             grown + grown.transpose(1, 0, 2) + np.outer(times, times)[:, :, None] * squares[None, None, ends]
         )
-        # Scaled by the segment's own length, where the Gram matrix of the powers is well conditioned.
-        scaled = inverses[step] / np.outer(times, times)
         if step < terms:
             out[step, :here] = 0.0  # no more frames than coefficients
             continue
+        # H is inverted in times from 0 to 1 over the segment, where it is well conditioned, and scaled to times u.
+        scaled = inverses[step] / np.outer(times, times)
         explained = np.tensordot(scaled, grams[:, :, :here], axes=([0, 1], [0, 1]))
         energy = energies[step + 1 : step + 1 + here] - energies[:here]
         out[step, :here] = np.maximum(energy - explained, 0.0)

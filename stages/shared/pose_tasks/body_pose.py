@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from stages.shared.kinematics.rotations import conjugate, from_matrices, matrices, multiply
+from stages.shared.kinematics.matrix_poses import columns_of, rotations_of_columns
+from stages.shared.kinematics.rotations import conjugate, multiply
 from stages.shared.pointcloud.heading import headings_of, turned, yaw_quaternions
 from stages.shared.pointcloud.rig import RigBody, pose_heads
 
@@ -91,17 +92,3 @@ def pose_from_root(outputs: Tensor, base: BodyPose) -> BodyPose:
 def outputs_of(body: RigBody) -> int:
     """Number of outputs that `pose_of_outputs` reads for a frame."""
     return 3 + 6 * len(body.joints)
-
-
-def columns_of(rotations: Tensor) -> Tensor:
-    """The first two columns (..., 6) of the matrices of unit quaternions (..., 4), a continuous form (Zhou 2019)."""
-    return matrices(rotations)[..., :2].transpose(-1, -2).flatten(-2)
-
-
-def rotations_of_columns(columns: Tensor) -> Tensor:
-    """Unit quaternions (..., 4) of two columns (..., 6) that need be neither of length 1 nor at right angles."""
-    first, second = columns.float().unflatten(-1, (2, 3)).unbind(-2)
-    first = torch.nn.functional.normalize(first, dim=-1)
-    second = second - (first * second).sum(-1, keepdim=True) * first
-    second = torch.nn.functional.normalize(second, dim=-1)
-    return from_matrices(torch.stack([first, second, torch.linalg.cross(first, second, dim=-1)], dim=-1))

@@ -11,11 +11,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from data_schemas.errors import InputError
+from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.kinematics.rotations import conjugate, multiply, rotate
 from stages.shared.networks.pcmrl.skeleton_losses import end_bones
 from stages.shared.pointcloud.heading import yaw_quaternions
 from stages.shared.pointcloud.rig import Rig, pose_heads
-from stages.shared.pose_tasks.body_pose import BodyPose, columns_of
+from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.task import PoseTask, TaskBatch
 
 _JITTER_M = 0.005  # of `jitter`, the largest standard deviation of a tracker's position

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +42,3 @@ def joint_errors(made: Tensor, truth: Tensor, offsets: np.ndarray, parents: np.n
 def grouped(errors: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
     """(count,) mean of errors (N, T, B) over the joints of each body group."""
     return np.array([errors[..., groups == group].mean() for group in range(count)])
-
-
-def mean_and_deviation(values: Sequence[float]) -> tuple[float, float]:
-    """The mean and the standard deviation (divided by the number of values)."""
-    return float(np.mean(values)), float(np.std(values))

@@ -46,7 +46,7 @@ def weights_folder(name_or_path: str | Path) -> Path:
     )
 
 
-def named_source(text: str) -> tuple[str, str]:
+def named_source(text: str, flag: str = "--weights") -> tuple[str, str]:
     """`NAME=FOLDER`, or the name of shipped weights, or a folder, which is then called by its last part.
 
     Returns: the name and the source. Raises UsageError where a part is missing.
@@ -55,7 +55,7 @@ def named_source(text: str) -> tuple[str, str]:
     if not equals:
         return Path(text).name or text, text
     if not name or not source:
-        raise UsageError(f"--weights {text!r} is not NAME=FOLDER.", "Write for instance --weights mine=runs/mine.")
+        raise UsageError(f"{flag} {text!r} is not NAME=FOLDER.", f"Write for instance {flag} mine=runs/mine.")
     return name, source
 
 

@@ -7,9 +7,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from stages.shared.contract import OFTEN, OFTEN_SET, VALUES
+from stages.shared.contract import OFTEN
 from stages.shared.humanoid.decompositions import DECOMPOSITIONS
-from stages.shared.networks.body_parts.sizes import KINDS, LossWeights
+from stages.shared.networks.body_parts.sizes import LossWeights
 from stages.shared.training.config import TrainingConfig
 
 
@@ -29,7 +29,7 @@ class Config(TrainingConfig):
     )
     network: Literal["ae", "pae", "vae", "svae"] = Field(
         "ae",
-        json_schema_extra={VALUES: list(KINDS), OFTEN_SET: True},
+        json_schema_extra=OFTEN,
         description="ae, periodic (pae), variational (vae) or hyperspherical variational (svae) autoencoder.",
     )
     window: int = Field(61, json_schema_extra=OFTEN, description="Frames per window.", ge=4)
@@ -46,7 +46,7 @@ class Config(TrainingConfig):
     cycle_low: float = Field(0.1, description="Lowest learning rate of a cycle, as a share of its highest.", ge=0)
     cycle_decay: float = Field(0.9, description="Factor of the learning rate from one cycle to the next.", gt=0)
     retarget: bool = Field(True, description="Put clips of other rigs on the rig; otherwise they are left out.")
-    # The paper names neither; without them the parts that one command trains do not depend on each other.
+    # The paper has no gradient limit and no average. A limit would make the parts of a training depend on each other.
     clip_norm: float = Field(1e6, description="Largest gradient norm; larger gradients are scaled down.")
     average: float = Field(0.0, description="Decay of the moving average of the weights; 0 for no average.")
     points: int = Field(0, description="Unused: there are no clouds.", ge=0, le=0)

@@ -16,8 +16,7 @@ from torch import Tensor, nn
 from stages.shared.humanoid.body_parts import BodyPart, body_part
 from stages.shared.humanoid.clips_on_rig import RigBodyJoints, RotationClip
 from stages.shared.humanoid.decompositions import PART_NAMES
-from stages.shared.kinematics.matrix_poses import columns_of_matrices
-from stages.shared.kinematics.rotations import matrices
+from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.networks.body_parts.losses import reconstruction_terms, weighted_sum
 from stages.shared.networks.body_parts.part_networks import NETWORKS, PartNetwork
 from stages.shared.training.task import HELD_BACK_SEED, RowRandom, TrainingTask, step_random
@@ -48,7 +47,7 @@ class RotationDrawer:
             local = self.clips[int(own.integers(len(self.clips)))].local
             start = int(own.integers(len(local) - self.window + 1))
             windows.append(local[start : start + self.window])
-        return PartBatch(columns_of_matrices(matrices(torch.from_numpy(np.stack(windows)))), rng.step)
+        return PartBatch(columns_of(torch.from_numpy(np.stack(windows))), rng.step)
 
 
 class PartsTask(TrainingTask[nn.ModuleDict]):

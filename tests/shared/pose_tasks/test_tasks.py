@@ -8,15 +8,9 @@ import roma
 import torch
 
 from data_schemas.errors import UsageError
+from stages.shared.kinematics.matrix_poses import columns_of, rotations_of_columns
 from stages.shared.pointcloud.rig import rig_of_motion
-from stages.shared.pose_tasks.body_pose import (
-    BodyPose,
-    columns_of,
-    outputs_of,
-    placing_of,
-    pose_of_outputs,
-    rotations_of_columns,
-)
+from stages.shared.pose_tasks.body_pose import BodyPose, outputs_of, placing_of, pose_of_outputs
 from stages.shared.pose_tasks.pose_network import SIZES, PoseNetwork
 from stages.shared.pose_tasks.registry import task_named
 from stages.shared.solve.skeleton_pose import SkeletonPose

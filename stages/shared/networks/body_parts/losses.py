@@ -9,7 +9,6 @@ the network sees, which for a limb is the connector's in the frame of the connec
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 import torch
@@ -22,10 +21,6 @@ from stages.shared.kinematics.matrix_poses import (
     positions_of_matrices,
 )
 
-# The paper's weights (4.1.4).
-WEIGHTS: Mapping[str, float] = MappingProxyType(
-    {"mse": 1.0, "mpjae": 1.0, "mpjlae": 0.1, "av": 0.001, "aa": 0.01, "mpjpe": 0.1, "jerk": 0.001}
-)
 AVERAGED_FRAMES = 10  # over which changes of an angle are averaged
 _LEAST = 1e-12
 
@@ -61,7 +56,7 @@ def reconstruction_terms(made: Tensor, truth: Tensor, offsets: Tensor, parents: 
     }
 
 
-def weighted_sum(terms: Mapping[str, Tensor], weights: Mapping[str, float] = WEIGHTS) -> Tensor:
+def weighted_sum(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
     """Eq. 1: the sum of the terms, each by its weight."""
     return torch.stack([weights[name] * term for name, term in terms.items()]).sum()
 

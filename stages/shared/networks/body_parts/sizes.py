@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
-KINDS = ("ae", "pae", "vae", "svae")
-
 
 class LossWeights(BaseModel):
     """The weights of eq. 1 (de Clermont Gallerande et al. 2025), terms as in `losses.reconstruction_terms`."""

@@ -88,8 +88,9 @@ class PoseNdf(Method):
         return self.space.with_local(gaps.base, multiply(start, from_turn_vectors(turns * gate)))
 
     def denoise(self, gaps: Gaps) -> Tensor:
-        """Down the distance from noisy poses, near them by a distance that outliers do not dominate, and smooth over
-        time: the moved rotations themselves, and the root's path, of which the network knows nothing."""
+        """Gradient descent lowers the learned distance, starting from the noisy poses. A robust distance keeps the
+        result near them, and second differences keep the rotations and the root's path smooth; the network does not
+        see the root."""
         start, roots = continuous_signs(self.space.local(gaps.base), axis=1), gaps.base[..., :3]
 
         def unusual(turns: Tensor, shift: Tensor) -> Tensor:

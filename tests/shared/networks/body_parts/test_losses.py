@@ -8,7 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from stages.shared.kinematics.matrix_poses import columns_of_matrices
-from stages.shared.networks.body_parts.losses import WEIGHTS, reconstruction_terms, weighted_sum
+from stages.shared.networks.body_parts.losses import reconstruction_terms, weighted_sum
 from stages.shared.networks.body_parts.sizes import LossWeights
 
 PARENTS = np.array([-1, 0, 1, 1])
@@ -74,7 +74,7 @@ def test_every_term_agrees_with_plain_loops(windows):
     made, truth, offsets = windows
     found = reconstruction_terms(made, truth, torch.from_numpy(offsets), PARENTS)
     wanted = _plain(made.numpy(), truth.numpy(), offsets)
-    assert found.keys() == wanted.keys() == WEIGHTS.keys()
+    assert found.keys() == wanted.keys() == LossWeights().model_dump().keys()
     for name, value in wanted.items():
         assert float(found[name]) == pytest.approx(value, rel=1e-4), name
 
@@ -84,8 +84,9 @@ def test_the_sum_has_the_paper_s_weights(windows):
     terms = reconstruction_terms(made, truth, torch.from_numpy(offsets), PARENTS)
     t = {name: float(value) for name, value in terms.items()}
     wanted = t["mse"] + t["mpjae"] + 0.1 * t["mpjlae"] + 0.001 * t["av"] + 0.01 * t["aa"] + 0.1 * t["mpjpe"]
-    assert float(weighted_sum(terms)) == pytest.approx(wanted + 0.001 * t["jerk"], rel=1e-6)
-    assert LossWeights().model_dump() == dict(WEIGHTS)
+    assert float(weighted_sum(terms, LossWeights().model_dump())) == pytest.approx(
+        wanted + 0.001 * t["jerk"], rel=1e-6
+    )
 
 
 def test_a_constant_error_has_no_change_over_time(windows):
@@ -102,7 +103,8 @@ def test_a_constant_error_has_no_change_over_time(windows):
 def test_the_truth_has_no_error_and_finite_slopes(windows):
     _, truth, offsets = windows
     made = truth.clone().requires_grad_()
-    value = weighted_sum(reconstruction_terms(made, truth, torch.from_numpy(offsets), PARENTS))
+    terms = reconstruction_terms(made, truth, torch.from_numpy(offsets), PARENTS)
+    value = weighted_sum(terms, LossWeights().model_dump())
     value.backward()
     assert float(value.detach()) < 1e-4
     assert made.grad is not None and torch.isfinite(made.grad).all()
