@@ -23,12 +23,19 @@ import numpy as np
 from data_schemas.clips import ClipReader, ClipRow, ClipWriter
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
-from data_schemas.hdf5_arrays import group_in, read_frames, read_text, read_whole, write_frames, write_text
+from data_schemas.hdf5_arrays import (
+    fault_of_arrays,
+    group_in,
+    read_frames,
+    read_text,
+    read_whole,
+    write_frames,
+    write_text,
+)
 from data_schemas.manifest import Artefact
 
 __all__ = ["ClipRow", "ConceptsReader", "ConceptsWriter", "SegmentedClip", "StoredBody"]
 
-NO_ACTION = ""
 NO_CLUSTER = -1
 _POWERS = 4
 
@@ -177,12 +184,9 @@ def _fault_of(clip: SegmentedClip, joints: int) -> str | None:
         "splines": (max(count - 1, 0), _POWERS, joints, 3),
         "clusters": (count,),
     }
-    for name, shape in shapes.items():
-        values = getattr(clip, name)
-        if values.shape != shape:
-            return f"has {name} of the shape {values.shape}, expected {shape}"
-        if not np.isfinite(values).all():
-            return f"has values in {name} that are not finite"
+    fault = fault_of_arrays(clip, shapes)
+    if fault:
+        return fault
     if not count or clip.anchors[0] != 0 or clip.anchors[-1] != frames - 1 or (np.diff(clip.anchors) <= 0).any():
         return "has anchors that do not rise from its first to its last frame"
     if (clip.clusters < NO_CLUSTER).any():

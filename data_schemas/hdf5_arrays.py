@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import h5py
@@ -109,3 +110,15 @@ def _member(parent: h5py.Group, name: str) -> object:
     if not name or "/" in name or name == "." or not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         raise ValueError(f"{parent.name}/{name} is missing")
     return parent[name]
+
+
+def fault_of_arrays(holder: object, shapes: Mapping[str, tuple[int, ...]]) -> str | None:
+    """The first of an object's arrays of another shape or not finite, as the end of a sentence; None if there is
+    none."""
+    for name, shape in shapes.items():
+        values = getattr(holder, name)
+        if values.shape != shape:
+            return f"has {name} of the shape {values.shape}, expected {shape}"
+        if not np.isfinite(values).all():
+            return f"has values in {name} that are not finite"
+    return None

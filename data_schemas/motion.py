@@ -19,7 +19,16 @@ import numpy as np
 from data_schemas.clips import ClipReader, ClipRow, ClipWriter, read_clips, write_clips
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
-from data_schemas.hdf5_arrays import are_unit, group_in, read_frames, read_text, read_whole, write_frames, write_text
+from data_schemas.hdf5_arrays import (
+    are_unit,
+    fault_of_arrays,
+    group_in,
+    read_frames,
+    read_text,
+    read_whole,
+    write_frames,
+    write_text,
+)
 from data_schemas.manifest import Artefact
 from data_schemas.skeleton import BODY_GROUPS, NO_GROUP, Motion, Skeleton
 
@@ -229,12 +238,9 @@ def fault_of_motion(motion: Motion, joints: int) -> str | None:
     expected = {"rotations": (frames, joints, 4), "root_positions": (frames, 3)}
     if tracked:
         expected["tracks"] = (frames, tracked, 3)
-    for name, shape in expected.items():
-        values = getattr(motion, name)
-        if values.shape != shape:
-            return f"has {name} of the shape {values.shape}, expected {shape}"
-        if not np.isfinite(values).all():
-            return f"has values in {name} that are not finite"
+    fault = fault_of_arrays(motion, expected)
+    if fault:
+        return fault
     if not are_unit(motion.rotations):
         return "has rotations that are not unit quaternions"
     if tracked and not ((motion.track_joints > 0) & (motion.track_joints < joints)).all():

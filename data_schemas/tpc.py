@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 from data_schemas.clips import ClipReader, ClipRow, ClipWriter
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
-from data_schemas.hdf5_arrays import are_unit, group_in, read_frames, read_whole, write_frames
+from data_schemas.hdf5_arrays import are_unit, fault_of_arrays, group_in, read_frames, read_whole, write_frames
 from data_schemas.manifest import Artefact
 from data_schemas.packed_transforms import is_packed, read_packed, write_packed
 from data_schemas.skeleton import BODY_GROUPS
@@ -278,12 +278,10 @@ def _fault_of_bones(bones: BoneSet) -> str | None:
     sizes = {"B": len(bones.parents), "P": len(bones.point_bones), "3": 3}
     if sizes["B"] == 0:
         return "is empty"
-    for name, (_, letters) in _BONE_ARRAYS.items():
-        values, shape = getattr(bones, name), tuple(sizes[letter] for letter in letters)
-        if values.shape != shape:
-            return f"has {name} of the shape {values.shape}, expected {shape}"
-        if not np.isfinite(values).all():
-            return f"has values in {name} that are not finite"
+    shapes = {name: tuple(sizes[each] for each in letters) for name, (_, letters) in _BONE_ARRAYS.items()}
+    fault = fault_of_arrays(bones, shapes)
+    if fault:
+        return fault
     if bones.parents[0] != -1 or (bones.parents >= np.arange(sizes["B"])).any() or (bones.parents[1:] < 0).any():
         return "has a bone that does not come after its parent, or two roots"
     if ((bones.groups < 0) | (bones.groups >= len(BODY_GROUPS))).any():

@@ -1,4 +1,4 @@
-"""`pumps refine`: a motion of a known action in; the same motion with its flawed frames mended out."""
+"""`pumps refine` mends the flawed frames of a motion of a known action."""
 
 from __future__ import annotations
 
@@ -107,7 +107,8 @@ def _check_rig(model: ConceptModel, body: Body, config: Config) -> None:
 
 
 def _at_rate(moved: np.ndarray, fps: float, frames: int, target_fps: float) -> np.ndarray:
-    """Displacements (T, J, 3) at one rate as `frames` of another; after their last moment the last one holds."""
+    """Displacements (T, J, 3) resampled to `frames` frames of another rate; later frames keep the last
+    displacement."""
     times = np.minimum(np.arange(frames) / target_fps, (len(moved) - 1) / fps)
     return CubicSpline(np.arange(len(moved)) / fps, moved, axis=0)(times)
 
@@ -127,6 +128,6 @@ def _csv(rows: list[dict]) -> bytes:
     heads = list(rows[0])
     lines = [
         ",".join(heads),
-        *(",".join(f"{row[head]:g}" if head != "flawed" else str(int(row[head])) for head in heads) for row in rows),
+        *(",".join(f"{value:g}" for value in row.values()) for row in rows),
     ]
     return ("\n".join(lines) + "\n").encode()

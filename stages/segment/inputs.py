@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from data_schemas.clips import ClipRow
 from data_schemas.concepts import StoredBody
-from data_schemas.errors import InputError, UsageError
+from data_schemas.errors import InputError
 from data_schemas.manifest import MANIFEST_NAME, Artefact, sha256_of_file
 from data_schemas.motion import MotionReader
 from data_schemas.notes import sentences_of
@@ -18,7 +16,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.segment.config import Config
 from stages.shared.concepts.actions import action_of, action_pattern
 from stages.shared.concepts.body_positions import body_of, body_positions
-from stages.shared.concepts.data_sets import positions_of_data_set
+from stages.shared.concepts.data_sets import LabelledPositions, positions_of_data_set
 from stages.shared.formats.readers import recordings_in
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
@@ -28,25 +26,12 @@ from stages.shared.kinematics.resampling import resample
 
 
 @dataclass(frozen=True)
-class Positions:
-    """One clip: its row, whose skeleton is the body's id, its body, and positions (T, J, 3) in metres on its rig."""
-
-    row: ClipRow
-    body: StoredBody
-    positions: np.ndarray
-    scale: float
-    action: str
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Given:
     """What is segmented: how many clips, the clips, and the artefact or files that they come from."""
 
     count: int
-    clips: Iterator[Positions]
+    clips: Iterator[LabelledPositions]
     inputs: tuple[Path | Artefact, ...]
-    licences: tuple[str, ...] = ()
 
 
 def given(config: Config) -> Given:
@@ -57,12 +42,11 @@ def given(config: Config) -> Given:
     pattern = action_pattern(config.actions)
     if config.data_set is not None:
         found = positions_of_data_set(config.data_set, config.input)
-        clips = (Positions(each.row, each.body, each.positions, each.scale, each.action) for each in found)
-        return Given(len(found), clips, (config.input,))
+        return Given(len(found), iter(found), (config.input,))
     if (config.input / MANIFEST_NAME).is_file() or config.input.name == MANIFEST_NAME:
         reader = MotionReader(config.input)
 
-        def clips_of_artefact() -> Iterator[Positions]:
+        def clips_of_artefact() -> Iterator[LabelledPositions]:
             with reader:
                 for row in reader.clips:
                     skeleton, motion = reader.skeleton(row.skeleton), reader.motion(row.clip)
@@ -80,12 +64,10 @@ def _of_file(config: Config, pattern) -> Given:
     recordings = list(recordings_in(source, asked))
     if not recordings:
         raise InputError(f"{source.name} holds no motion.")
-    if config.keyframes and len(recordings) > 1:
-        raise UsageError(f"{source.name} holds several clips.", "Export one first: pumps export FILE --clip NAME.")
     path = Path(source.archive or source.name)
     digest = sha256_of_file(path)
 
-    def clips() -> Iterator[Positions]:
+    def clips() -> Iterator[LabelledPositions]:
         for recording in recordings:
             choose_map(maps, recording.skeleton.names, must_fit=bool(maps))
             stem = Path(source.member).stem
@@ -95,20 +77,19 @@ def _of_file(config: Config, pattern) -> Given:
                 skeleton="", frames=motion.frames, fps=motion.fps, seconds=motion.frames / motion.fps,
                 split="train", licence="unknown",
             )  # fmt: skip
-            found = _of_motion(row, recording.skeleton, motion, config.fps, action_of(row, pattern))
-            yield Positions(
-                found.row, found.body, found.positions, found.scale, found.action,
-                tuple(sentences_of(recording.notes)),
-            )  # fmt: skip
+            notes = tuple(sentences_of(recording.notes))
+            yield _of_motion(row, recording.skeleton, motion, config.fps, action_of(row, pattern), notes)
 
-    return Given(len(recordings), clips(), (path,), ("unknown",))
+    return Given(len(recordings), clips(), (path,))
 
 
-def _of_motion(row: ClipRow, skeleton: Skeleton, motion: Motion, fps: float | None, action: str) -> Positions:
+def _of_motion(
+    row: ClipRow, skeleton: Skeleton, motion: Motion, fps: float | None, action: str, notes: tuple[str, ...] = ()
+) -> LabelledPositions:
     if fps is not None:
         motion = resample(motion, fps)
     body = body_of(skeleton)
     stored = StoredBody(body.names, body.parents, body.groups)
-    values = {**vars(row), "skeleton": stored.id, "frames": motion.frames, "fps": motion.fps}
-    values["seconds"] = motion.frames / motion.fps
-    return Positions(ClipRow(**values), stored, body_positions(skeleton, motion, body), body.scale, action)
+    seconds = motion.frames / motion.fps
+    row = replace(row, skeleton=stored.id, frames=motion.frames, fps=motion.fps, seconds=seconds)
+    return LabelledPositions(row, stored, body_positions(skeleton, motion, body), body.scale, action, notes)

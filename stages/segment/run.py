@@ -1,11 +1,10 @@
-"""`pumps segment`: motions in; their anchor frames, the splines between them and anchor concepts out."""
+"""`pumps segment` finds the anchor frames of motions, the splines between them, and anchor concepts."""
 
 from __future__ import annotations
 
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +13,9 @@ from data_schemas.artefact import write_artefact
 from data_schemas.concepts import ConceptsWriter, SegmentedClip
 from data_schemas.errors import InputError, UsageError
 from stages.segment.config import Config
-from stages.segment.inputs import Given, Positions, given
+from stages.segment.inputs import Given, given
 from stages.shared.concepts.clusters import AnchorConcepts, cluster_actions
+from stages.shared.concepts.data_sets import LabelledPositions
 from stages.shared.concepts.segmenting import fit_error_cm, segmented
 from stages.shared.contract import StageReport
 from stages.shared.kinematics.spline_segments import CUBIC
@@ -25,7 +25,7 @@ from stages.shared.progress import SILENT, Progress
 
 @dataclass(frozen=True)
 class _Clip:
-    given: Positions
+    given: LabelledPositions
     found: SegmentedClip
 
 
@@ -37,11 +37,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     started = time.perf_counter()
     _check(config)
     motions = given(config)
+    if config.keyframes and motions.count > 1:
+        raise UsageError(f"{config.input} holds several clips.", "Export one first: pumps export FILE --clip NAME.")
     progress.start("segmenting", motions.count)
     if config.output is None:
         clips = list(_segmented(motions, config, progress))
         return _report_of_one(config, clips[0], time.perf_counter() - started)
-    with _draft(config, motions) as draft:
+    with write_artefact(config.output, "concepts", stage="segment", config=config, inputs=motions.inputs) as draft:
         clips = list(_segmented(motions, config, progress))
         concepts = _clustered(config, clips)
         with ConceptsWriter(draft.folder, config.lambda_) as writer:
@@ -54,7 +56,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 writer.add_centres(action, centres)
         report = _report(config, clips, concepts, time.perf_counter() - started)
         draft.summary.update(report.figures)
-        draft.licences |= set(motions.licences)
+        draft.licences |= {clip.given.row.licence for clip in clips}
     if config.page is not None:
         from stages.segment.page import page_of  # t-SNE is slow to load
 
@@ -70,6 +72,8 @@ def _check(config: Config) -> None:
         raise UsageError(
             "--keyframes prints the anchors of one file as it is.", "Leave -o, --fps and --data-set out."
         )
+    if config.data_set is not None and config.fps is not None:
+        raise UsageError("--data-set keeps the rate of the data set.", "Leave --fps out.")
     if config.page is not None and (config.output is None or config.cluster == "none"):
         raise UsageError("--page shows anchor concepts.", "Give -o and --cluster kmeans with it.")
     if config.clusters is not None and config.cluster not in ("kmeans", "ward"):
@@ -78,15 +82,6 @@ def _check(config: Config) -> None:
         check_artefact(config, "concepts")
     if config.page is not None:
         check_file(config, (".html",), "page")
-
-
-@contextmanager
-def _draft(config: Config, motions: Given) -> Iterator:
-    assert config.output is not None
-    with write_artefact(
-        config.output, "concepts", stage="segment", config=config.model_dump(mode="json"), inputs=motions.inputs
-    ) as draft:
-        yield draft
 
 
 def _segmented(motions: Given, config: Config, progress: Progress) -> Iterator[_Clip]:

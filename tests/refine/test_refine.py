@@ -97,7 +97,7 @@ def test_anchors_that_are_not_flawed_and_their_transitions_stay(weights: Path):
 
 
 def test_place_and_heading_do_not_change_the_judgement(weights: Path):
-    from stages.shared.concepts.body_positions import turned_about_y
+    from stages.shared.kinematics.rotations import turned_about_y
 
     model = load_concepts(weights, "cpu")
     skeleton, motion, _ = read("kick")

@@ -96,6 +96,7 @@ def test_anchors_get_concepts_of_their_action(motions: Path, tmp_path: Path, met
     [
         ({}, "Nothing is asked"),
         ({"keyframes": True, "fps": 20.0}, "--keyframes"),
+        ({"output": Path("x"), "data_set": "humanact12", "fps": 20.0}, "keeps the rate"),
         ({"output": Path("x"), "page": Path("p.html")}, "--page"),
         ({"output": Path("x"), "clusters": 3}, "--clusters"),
         ({"output": Path("x"), "actions": "abc"}, "no group"),
@@ -107,6 +108,11 @@ def test_contradictions_are_refused(settings: dict, words: str, tmp_path: Path, 
     with pytest.raises(UsageError, match=words):
         run(Config(input=CLIPS / "jump.bvh", **settings))
     assert not (tmp_path / "x").exists()
+
+
+def test_keyframes_of_several_clips_are_refused(motions: Path):
+    with pytest.raises(UsageError, match="several clips"):
+        run(Config(input=motions, keyframes=True))
 
 
 def test_an_artefact_that_exists_stays(motions: Path, tmp_path: Path):
@@ -142,6 +148,7 @@ def test_humanact12_is_read_in_its_layout(tmp_path: Path):
     with ConceptsReader(tmp_path / "c") as reader:
         assert [row.split for row in reader.clips] == ["train", "train", "test"]
         assert {row.fps for row in reader.clips} == {20.0}
+        assert reader.artefact.manifest.licences == ["for research, as its publishers state"]
         clip, body = reader.segmented(reader.clips[0].clip), reader.body(reader.clips[0].skeleton)
         head, foot = body.names.index("head"), body.names.index("left_foot")
         assert clip.positions[0, head, 1] > clip.positions[0, 0, 1] > clip.positions[0, foot, 1]

@@ -21,6 +21,6 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         3, description="Degree of the curves that choose the anchors, as in `pumps segment`.", ge=1, le=3
     )
     splits: tuple[str, ...] = Field(("test",), description="Splits to measure.")
-    max_clips: int = Field(0, description="Clips to measure, spread evenly over the archives; 0 for all.", ge=0)
+    max_clips: int = Field(0, description="Clips to measure, spread evenly over the list of clips; 0 for all.", ge=0)
     longest_s: float = Field(20.0, description="Seconds of each clip to measure, from its first frame.", gt=0)
     output: Path = Field(description="Folder of the metrics artefact.")

@@ -29,6 +29,7 @@ from stages.shared.statistics.bootstrap import mean_interval, ratio_interval
 from stages.shared.statistics.measurements import measured_joints
 from stages.shared.statistics.metrics import mpjpe_mm
 from stages.shared.statistics.table import Entry, Row, Table
+from stages.shared.statistics.tables import leaves_out_one, span_text
 
 ANCHORS, EVEN = "anchors", "evenly spaced"
 _FIT, _KEYS, _ERROR = "fit_error_cm", "keys_per_s", "mpjpe_mm"
@@ -55,7 +56,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             motion = reader.motion(row.clip, 0, min(row.frames, max(2, int(config.longest_s * row.fps))))
             rows += _rows(row, skeleton, motion, models, config)
             progress.advance(1, row.clip)
-        table = _table(rows, config)
+        table = _table(rows, ["slerp", *([models.name] if models else [])], config)
         page = (
             f"# Clips reduced to their anchors\n\nMade by:\n\n```\n{command_line('pumps measure anchors', config)}\n"
             f"```\n\n{len(clips)} clips. Errors of the frames between the keys in mm, mean over clips [95% bootstrap "
@@ -88,7 +89,7 @@ def _rows(
             continue
         own = (row.clip, row.skeleton, archive_of(row))
         yield MetricRow(*own, ANCHORS, "segmentation", round(price), _FIT, fit_error_cm(clip))
-        yield MetricRow(*own, ANCHORS, "segmentation", round(price), _KEYS, (count - 1) / row.seconds)
+        yield MetricRow(*own, ANCHORS, "segmentation", round(price), _KEYS, (count - 1) * motion.fps / motion.frames)
         even = np.unique(np.rint(np.linspace(0, motion.frames - 1, count)).astype(int))
         for keys, name in ((clip.anchors, ANCHORS), (even, EVEN)):
             known = np.zeros(motion.frames, bool)
@@ -116,8 +117,7 @@ def _errors(
     }
 
 
-def _table(rows: Sequence[MetricRow], config: Config) -> Table:
-    fillers = list(dict.fromkeys(row.method.split(",")[0] for row in rows if row.metric == _ERROR))
+def _table(rows: Sequence[MetricRow], fillers: Sequence[str], config: Config) -> Table:
     out = []
     for price in dict.fromkeys(round(each) for each in config.lambdas):
         mine = [row for row in rows if row.interval == price]
@@ -126,13 +126,10 @@ def _table(rows: Sequence[MetricRow], config: Config) -> Table:
             anchors, even = (_of(mine, f"{filler}, {name}", _ERROR) for name in (ANCHORS, EVEN))
             ones = np.ones(len(anchors))
             ratio = ratio_interval(anchors, ones, even, ones, config.seed)
-            star = (
-                "*" if ratio.low is not None and ratio.high is not None and not ratio.low <= 1 <= ratio.high else ""
-            )
+            star = "*" if leaves_out_one(ratio) else ""
             for values, shown in ((anchors, f"×{ratio.value:.2f}{star}"), (even, "")):
                 mean = mean_interval(values, ones, config.seed)
-                span = "" if mean.low is None or mean.high is None else f"[{mean.low:.1f}, {mean.high:.1f}]"
-                entries.append(Entry(f"{mean.value:.1f}", span, shown))
+                entries.append(Entry(f"{mean.value:.1f}", span_text(mean, 1), shown))
         out.append(Row((str(price),), tuple(entries)))
     heads = [f"{filler}, {name}" for filler in fillers for name in (ANCHORS, EVEN)]
     return Table(("lambda",), ("keys a second", "fit, cm", *heads), tuple(out))

@@ -19,7 +19,7 @@ _PATTERNS = (
     re.compile(r"dataset-\d+_(?P<action>[a-z-]+?)_[a-z-]+_\d+"),
     re.compile(r"HDM_[a-z]{2}_(?P<action>[A-Za-z]{1,60})(?:\d\w{0,40}?)?_\d{3}_120"),
 )
-_HUMANACT12 = re.compile(r"P\d+G\d+R\d+F\d+T\d+A(?P<coarse>\d\d)\d\d")
+HUMANACT12_NAME = re.compile(r"P(?P<subject>\d+)G\d+R\d+F\d+T\d+A(?P<coarse>\d\d)\d\d")
 
 
 def action_pattern(text: str) -> re.Pattern[str] | None:
@@ -54,7 +54,7 @@ def action_of(row: ClipRow, pattern: re.Pattern[str] | None = None) -> str:
     for known in _PATTERNS:
         if found := known.search(name):
             return found["action"]
-    if found := _HUMANACT12.search(name):
+    if found := HUMANACT12_NAME.search(name):
         coarse = int(found["coarse"])
         return HUMANACT12[coarse - 1] if 1 <= coarse <= len(HUMANACT12) else ""
     return ""

@@ -1,12 +1,11 @@
-"""The joints of a body as the paper on motion concepts has them: positions, whose unit gives lambda its meaning.
+"""Joint positions in the unit in which the paper on motion concepts is taken to state lambda.
 
 The paper segments HumanAct12, 24 joints at 20 frames a second, and states neither the unit nor the form of its
 fitting error. That data set is published in metres, in which a lambda of 100 to 400 would never divide a motion.
-Here errors
-are squared and in centimetres: real motion then has about two transitions a second and mean fitting errors of some
-millimetres, beside the paper's 0.89 to 1.22 (Table 2) for the noisier output of depth cameras. Errors are taken on a
-body of `STATURE_M` and count as if there were 24 joints and 20 frames a second, so that lambda means the same on all
-rigs and at all rates.
+Here errors are squared and in centimetres: real motion then has about two transitions a second and mean fitting
+errors of some millimetres, beside the paper's 0.89 to 1.22 (Table 2) for the noisier output of depth cameras. Errors
+are taken on a body of `STATURE_M` and count as if there were 24 joints and 20 frames a second, so that lambda means
+the same on all rigs and at all rates.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ from stages.shared.humanoid.anatomy import parts_of_skeleton
 from stages.shared.humanoid.body_groups import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG
 from stages.shared.humanoid.reference_pose import stature_of
 from stages.shared.kinematics.forward_numpy import positions_of
+from stages.shared.kinematics.rotations import turned_about_y
 
 STATURE_M = 1.5  # from the feet to the head's joint, a leg and the trunk: about that of the SMPL body
 PAPER_JOINTS = 24
@@ -34,7 +34,7 @@ class Body:
 
     joints:  (J,) their indices in the skeleton, parents first; the pelvis is the first.
     names:   J names. parents: (J,) int32 within these joints, -1 for the pelvis. groups: (J,) int8 body groups.
-    scale:   what brings the body to `STATURE_M`.
+    scale:   factor that scales the body to `STATURE_M`.
     """
 
     joints: np.ndarray
@@ -99,13 +99,6 @@ def heading_yaws(positions: np.ndarray, groups: np.ndarray) -> np.ndarray:
             apart = positions[:, groups == left].mean(axis=1) - positions[:, groups == right].mean(axis=1)
             across += apart[:, (0, 2)]
     return np.arctan2(across[:, 1], across[:, 0])
-
-
-def turned_about_y(positions: np.ndarray, yaws: np.ndarray) -> np.ndarray:
-    """Positions (..., 3) turned about Y by angles that broadcast with (...)."""
-    x, y, z = np.moveaxis(positions, -1, 0)
-    cosine, sine = np.cos(yaws), np.sin(yaws)
-    return np.stack([cosine * x + sine * z, y + 0 * cosine, cosine * z - sine * x], axis=-1)
 
 
 def relative_poses(positions: np.ndarray, groups: np.ndarray) -> np.ndarray:

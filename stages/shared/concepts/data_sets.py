@@ -26,14 +26,14 @@ from data_schemas.clips import ClipRow
 from data_schemas.concepts import StoredBody
 from data_schemas.errors import InputError
 from data_schemas.manifest import sha256_of_file
-from stages.shared.concepts.actions import HUMANACT12
-from stages.shared.concepts.body_positions import STATURE_M, turned_about_y
+from stages.shared.concepts.actions import HUMANACT12, HUMANACT12_NAME
+from stages.shared.concepts.body_positions import STATURE_M
 from stages.shared.formats.arrays import read_array
 from stages.shared.formats.joint_lists import LISTS
 from stages.shared.humanoid.body_groups import BodyParts, find_body_parts
 from stages.shared.humanoid.reference_pose import stature_of
+from stages.shared.kinematics.rotations import turned_about_y
 
-_HUMANACT12_NAME = re.compile(r"P(\d+)G\d+R\d+F\d+T\d+A(\d\d)\d\d\.npy")
 _HUMANACT12_FPS, _UESTC_FPS = 20.0, 30.0
 _TEST_SUBJECTS, _VAL_SUBJECTS = (11, 12), (10,)
 _UESTC_NAME = re.compile(r"a(\d+)_d(\d+)_p(\d+)_c(\d+)_color(?:\.avi)?")
@@ -54,13 +54,15 @@ _LICENCE = "for research, as its publishers state"
 
 @dataclass(frozen=True)
 class LabelledPositions:
-    """One clip: its row, its body, positions (T, J, 3) metres, Y up, the scale to standard stature, its action."""
+    """One clip: its row, whose skeleton is the body's id, its body, positions (T, J, 3) metres, Y up, the scale to
+    standard stature, its action, and notes on its file."""
 
     row: ClipRow
     body: StoredBody
     positions: np.ndarray
     scale: float
     action: str
+    notes: tuple[str, ...] = ()
 
 
 def positions_of_data_set(name: str, folder: Path) -> list[LabelledPositions]:
@@ -110,17 +112,19 @@ def _parts(names: tuple[str, ...], parents: np.ndarray) -> BodyParts:
 
 
 def _humanact12(folder: Path) -> list[LabelledPositions]:
-    files = [path for path in sorted(folder.iterdir()) if _HUMANACT12_NAME.fullmatch(path.name)]
+    files = [
+        (path, found)
+        for path in sorted(folder.iterdir())
+        if path.suffix == ".npy" and (found := HUMANACT12_NAME.fullmatch(path.stem)) is not None
+    ]
     if not files:
         raise InputError(
             f"{folder} holds no file named like P01G01R01F0001T0064A0101.npy.", "Give the folder HumanAct12."
         )
     body = body_of_list("smpl24")
     found = []
-    for path in files:
-        match = _HUMANACT12_NAME.fullmatch(path.name)
-        assert match is not None
-        subject, action = int(match[1]), int(match[2])
+    for path, name in files:
+        subject, action = int(name["subject"]), int(name["coarse"])
         if not 1 <= action <= len(HUMANACT12):
             raise InputError(f"{path} is of the action {action}, and there are 1 to {len(HUMANACT12)}.")
         split = "test" if subject in _TEST_SUBJECTS else "val" if subject in _VAL_SUBJECTS else "train"
@@ -172,7 +176,9 @@ def _places(path: Path, joints: int) -> np.ndarray:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from None
     if array.ndim != 3 or array.shape[1:] != (joints, 3) or not len(array) or array.dtype.kind != "f":
-        raise InputError(f"{path} has the shape {array.shape}, expected frames, {joints} joints and 3.")
+        raise InputError(
+            f"{path} holds {array.dtype} of the shape {array.shape}, expected floats of frames, {joints} joints, 3."
+        )
     if not np.isfinite(array).all():
         raise InputError(f"{path} has positions that are not finite.")
     return array.astype(np.float64)

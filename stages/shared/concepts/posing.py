@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.concepts.body_positions import Body
 from stages.shared.kinematics.forward_numpy import positions_of
-from stages.shared.kinematics.rotations import continuous_signs
+from stages.shared.kinematics.rotations import continuous_signs, smallest_turn
 
 
 def follow_positions(skeleton: Skeleton, motion: Motion, body: Body, targets: np.ndarray) -> Motion:
@@ -34,7 +34,8 @@ def follow_positions(skeleton: Skeleton, motion: Motion, body: Body, targets: np
             turns[joint] = above if above is not None else Rotation.identity(motion.frames)
             continue
         old, new = now[:, below] - now[:, at, None], targets[:, below] - targets[:, at, None]
-        turns[joint] = _least_turns(old[:, 0], new[:, 0]) if len(below) == 1 else _best_turns(old, new)
+        one = len(below) == 1
+        turns[joint] = Rotation.from_quat(smallest_turn(old[:, 0], new[:, 0])) if one else _best_turns(old, new)
     for joint in range(skeleton.joints):
         nearest = joint
         while nearest >= 0 and nearest not in turns:
@@ -56,18 +57,6 @@ def follow_positions(skeleton: Skeleton, motion: Motion, body: Body, targets: np
         root_positions=roots.astype(np.float32),
         tracks=tracks.astype(np.float32),
     )
-
-
-def _least_turns(old: np.ndarray, new: np.ndarray) -> Rotation:
-    """Rotations by the least angle from the directions `old` to `new`, both (T, 3)."""
-    old = old / np.maximum(np.linalg.norm(old, axis=1, keepdims=True), 1e-9)
-    new = new / np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)
-    quaternions = np.concatenate([np.cross(old, new), 1 + (old * new).sum(axis=1, keepdims=True)], axis=1)
-    opposite = np.linalg.norm(quaternions, axis=1) < 1e-6
-    if opposite.any():  # half a turn about any axis across
-        across = np.cross(old[opposite], np.eye(3)[np.abs(old[opposite]).argmin(axis=1)])
-        quaternions[opposite] = np.concatenate([across, np.zeros((len(across), 1))], axis=1)
-    return Rotation.from_quat(quaternions)
 
 
 def _best_turns(old: np.ndarray, new: np.ndarray) -> Rotation:

@@ -39,7 +39,7 @@ class AnchorQuality:
         return top + np.log(np.exp(logs - top[:, None]).sum(axis=1))
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Its numbers as arrays that a checkpoint stores (float64 as two float32 lose nothing that matters here)."""
+        """Its numbers as float32 arrays for a checkpoint; the rounding hardly changes a score."""
         return {
             name: np.asarray(value, np.float32).reshape(np.shape(value) or (1,)) for name, value in vars(self).items()
         }

@@ -9,7 +9,8 @@ import numpy as np
 
 from data_schemas.concepts import ConceptsReader, StoredBody
 from data_schemas.errors import InputError
-from stages.shared.concepts.body_positions import heading_yaws, turned_about_y
+from stages.shared.concepts.body_positions import heading_yaws
+from stages.shared.kinematics.rotations import turned_about_y
 from stages.shared.kinematics.spline_segments import spline_frames
 
 LEAST_FRAMES = 8  # of a clip that is used
@@ -95,9 +96,9 @@ def concept_set(reader: ConceptsReader, actions: Sequence[str] = ()) -> ConceptS
     first = dict(zip(names, np.cumsum([0, *(len(centres[name]) for name in names)]).tolist(), strict=False))
     found = []
     for row in reader.clips:
-        clip = reader.segmented(row.clip)
-        if clip.action not in first or row.frames < LEAST_FRAMES:
+        if row.frames < LEAST_FRAMES or reader.action(row.clip) not in first:
             continue
+        clip = reader.segmented(row.clip)
         restored = spline_frames(clip.splines.astype(np.float64), clip.anchors).astype(np.float32)
         concepts = np.where(clip.clusters >= 0, clip.clusters + first[clip.action], -1)
         found.append(

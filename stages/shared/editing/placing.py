@@ -10,7 +10,7 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.humanoid.anatomy import parts_of_skeleton
 from stages.shared.humanoid.facing import BodyPoses, bone_tips, find_facing
 from stages.shared.kinematics.forward_numpy import positions_of
-from stages.shared.kinematics.rotations import multiply
+from stages.shared.kinematics.rotations import multiply, turned_about_y
 
 _SPEED_S = 0.1  # time over which a speed at a clip's end is taken
 
@@ -36,7 +36,11 @@ class Placement:
 
     def of_places(self, places: np.ndarray) -> np.ndarray:
         """Places (..., 3) turned and shifted."""
-        return _turned(places - self.pivot, self.yaw_rad) + self.pivot + self.shift
+        return (
+            turned_about_y(np.asarray(places - self.pivot, np.float64), np.asarray(self.yaw_rad))
+            + self.pivot
+            + self.shift
+        )
 
 
 def placement_after(skeleton: Skeleton, before: Motion, after: Motion, seconds: float) -> Placement:
@@ -55,7 +59,7 @@ def placement_after(skeleton: Skeleton, before: Motion, after: Motion, seconds: 
     yaw = float(headings[0][-1] + seconds * np.mean(rates) - headings[1][0])
     pelvis = [positions_of(skeleton, part)[:, skeleton.root] * (1.0, 0.0, 1.0) for part in (ends, starts)]
     speeds = [_slope(place, before.fps) for place in pelvis]
-    speed = (speeds[0] + _turned(speeds[1], yaw)) / 2
+    speed = (speeds[0] + turned_about_y(speeds[1], np.asarray(yaw))) / 2
     pivot = pelvis[1][0]
     return Placement(yaw, pivot, pelvis[0][-1] + seconds * speed - pivot)
 
@@ -79,10 +83,3 @@ def _slope(values: np.ndarray, fps: float) -> np.ndarray:
     if len(values) < 2:
         return np.zeros(values.shape[1:])
     return (values[-1] - values[0]) * (fps / (len(values) - 1))
-
-
-def _turned(vectors: np.ndarray, yaw_rad: float) -> np.ndarray:
-    """Vectors (..., 3) turned about Y."""
-    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
-    x, y, z = np.moveaxis(np.asarray(vectors, np.float64), -1, 0)
-    return np.stack([cosine * x + sine * z, y, cosine * z - sine * x], axis=-1)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,6 +14,8 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from stages.shared.concepts.quality import AnchorQuality
 from stages.shared.concepts.sequences import LEAST_FRAMES, placing_of, segment_arrays
+from stages.shared.inference.bounded_network import build_bounded
+from stages.shared.inference.models import load_state
 from stages.shared.networks.concepts.refiners import ConceptNetworks, Segments
 from stages.shared.networks.concepts.transition_generator import at_times
 from stages.shared.networks.layers.device import choose_device
@@ -63,16 +67,25 @@ def load_concepts(path: Path, device: str) -> ConceptModel:
     if config.get("network") != "concepts":
         raise InputError(f"{path} holds no motion concepts.", "Give a checkpoint of `pumps train concepts`.")
     where = choose_device(device)
-    weights = {name: torch.from_numpy(np.array(value)) for name, value in stored.weights.items()}
-    concepts, action_of = weights["anchors.concepts"], weights["anchors.action_of"].long()
-    settings, body = config["settings"], config["body"]
-    networks = ConceptNetworks(
-        concepts.shape[1], len(config["actions"]), settings["width"], settings["latent"], concepts, action_of
-    )
-    own = {name: value for name, value in weights.items() if not name.startswith("quality/")}
-    networks.load_state_dict(
-        {name: value.long() if name == "anchors.action_of" else value for name, value in own.items()}
-    )
+    weights = stored.weights
+    body = _body_of(config, path)
+
+    def build() -> ConceptNetworks:
+        concepts, action_of = (
+            torch.from_numpy(np.array(weights[f"anchors.{name}"])) for name in ("concepts", "action_of")
+        )
+        settings = config["settings"]
+        return ConceptNetworks(
+            concepts.shape[1],
+            len(config["actions"]),
+            settings["width"],
+            settings["latent"],
+            concepts,
+            action_of.long(),
+        )
+
+    networks = build_bounded(build, config.get("settings"), weights, path)
+    load_state(networks, {name: value for name, value in weights.items() if not name.startswith("quality/")}, path)
     quality: dict[int, dict[str, np.ndarray]] = {}
     for name, value in stored.weights.items():
         if name.startswith("quality/"):
@@ -89,6 +102,16 @@ def load_concepts(path: Path, device: str) -> ConceptModel:
         {action: AnchorQuality.of_arrays(arrays) for action, arrays in quality.items()},
         where,
     )
+
+
+def _body_of(config: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
+    """The part of a config that describes the body. Raises InputError where this or the rate and window lack."""
+    body = config.get("body")
+    whole = isinstance(body, dict) and {"names", "parents", "groups"} <= body.keys() and "actions" in config
+    rates = (config.get("fps"), config.get("window"))
+    if not whole or not all(isinstance(each, int | float) and each > 0 for each in rates):
+        raise InputError(f"{path} is damaged: it does not describe its body, rate and window.", "Train it again.")
+    return body  # pyright: ignore[reportReturnType]
 
 
 def refine(
@@ -114,7 +137,8 @@ def refine(
         generator = torch.Generator().manual_seed(seed)
         first = int(np.flatnonzero(model.networks.anchors.action_of.cpu().numpy() == kind)[0])
         for at in np.flatnonzero(flawed):
-            concepts[at] = _new_anchor(model, made, anchors, int(at), kind, generator) - first
+            found = _new_anchor(model, made, anchors, int(at), kind, generator)
+            concepts[at] = found - first if found >= 0 else -1
     if only != "anchors":
         made = _new_transitions(model, made, anchors, kind)
     return Refinement(made, anchors, scores, flawed, concepts)

@@ -271,3 +271,10 @@ def _unit(vectors: Array) -> Array:
 def _module_of(rotations: np.ndarray | Tensor) -> Any:
     """`numpy` or `torch`, by the type of the array."""
     return np if isinstance(rotations, np.ndarray) else sys.modules["torch"]
+
+
+def turned_about_y(positions: np.ndarray, yaws: np.ndarray) -> np.ndarray:
+    """Positions (..., 3) turned about Y by angles that broadcast with (...)."""
+    x, y, z = np.moveaxis(positions, -1, 0)
+    cosine, sine = np.cos(yaws), np.sin(yaws)
+    return np.stack([cosine * x + sine * z, y + 0 * cosine, cosine * z - sine * x], axis=-1)

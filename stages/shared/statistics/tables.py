@@ -214,7 +214,7 @@ def _entry(cell: Cell | None, *, intervals: bool = True) -> Entry:
     entry = Entry(f"{cell.mean.value:.{digits}f}", span_text(cell.mean, digits) if intervals else "")
     if cell.ratio is None or not np.isfinite(cell.ratio.value):
         return entry
-    certain = _leaves_out_one(cell.ratio)
+    certain = leaves_out_one(cell.ratio)
     verdict = "same" if not certain else "better" if cell.ratio.value < 1 else "worse"
     return replace(entry, ratio=f"×{cell.ratio.value:.2f}{'*' if certain else ''}", verdict=verdict)
 
@@ -225,7 +225,8 @@ def cell_text(cell: Cell | None, *, intervals: bool = True) -> str:
     return _entry(cell, intervals=intervals).text
 
 
-def _leaves_out_one(ratio: Estimate) -> bool:
+def leaves_out_one(ratio: Estimate) -> bool:
+    """Whether a ratio's interval is on one side of 1."""
     return ratio.low is not None and ratio.high is not None and not ratio.low <= 1 <= ratio.high
 
 

@@ -1,4 +1,4 @@
-"""`pumps train concepts`: segmented motions of actions in; the networks that find and mend flawed frames out."""
+"""`pumps train concepts` trains the networks that find and mend flawed frames, on segmented motions."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from data_schemas.concepts import ConceptsReader
 from data_schemas.errors import InputError, UsageError
 from data_schemas.trainings import training_data
 from stages.shared.concepts.clusters import needs_sklearn
-from stages.shared.concepts.quality import AnchorQuality, fit_quality
-from stages.shared.concepts.sequences import ConceptSet, concept_set, placing_of
+from stages.shared.concepts.quality import fit_quality
+from stages.shared.concepts.sequences import LEAST_FRAMES, ConceptSet, concept_set, placing_of
 from stages.shared.contract import StageReport
 from stages.shared.networks.concepts.refiners import ConceptNetworks
 from stages.shared.networks.layers.device import choose_device
@@ -29,9 +29,8 @@ _MOST_CLIPS = 200  # of one action whose anchors the quality score is fitted to
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Train; then fit the quality score of each action to the features of its anchors.
 
-    Raises: UsageError without scikit-learn, or for a window in another unit; InputError for an artefact without
-        anchor
-        concepts, of several rigs or rates, or without the actions.
+    Raises: UsageError without scikit-learn, or if one of the actions has no anchor concepts; InputError for an
+        artefact without anchor concepts, or of several rigs or rates.
     """
     check_artefact(config, "checkpoint")
     needs_sklearn()
@@ -65,7 +64,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "fps": found.fps,
             "price": reader.price,
         }
-        rows = [row for row in reader.clips if row.split == "train" and reader.action(row.clip) in found.actions]
+        rows = [reader.row(each.clip) for each in found.of("train")]
         return finish(
             config, trained, stage="train-concepts", network=kept, data=training_data(rows), inputs=[reader.artefact]
         )
@@ -87,7 +86,7 @@ def _with_quality(trained: Trained, networks: ConceptNetworks, found: ConceptSet
         if not mine:
             continue
         features = [_anchor_features(networks, each.positions, each.anchors, action, found, config) for each in mine]
-        quality: AnchorQuality = fit_quality(np.concatenate(features), config.flawed_share, config.seed)
+        quality = fit_quality(np.concatenate(features), config.flawed_share, config.seed)
         for name, array in quality.arrays().items():
             weights[f"quality/{action}/{name}"] = array
     return replace(trained, weights=weights)
@@ -101,10 +100,11 @@ def _anchor_features(
     found: ConceptSet,
     config: Config,
 ) -> np.ndarray:
-    """(A, D) features of a clip's anchors, from windows that follow each other as in use."""
+    """(A, D) features of a clip's anchors, from windows that follow each other; a last window of at most
+    `LEAST_FRAMES` frames is left out. (`judged` averages over overlapping windows instead.)"""
     out = []
     device = next(networks.parameters()).device
-    for start in range(0, max(len(positions) - 8, 1), config.window):
+    for start in range(0, max(len(positions) - LEAST_FRAMES, 1), config.window):
         part = positions[start : start + config.window].astype(np.float64)
         placed = placing_of(part, found.body.groups).put(part).reshape(1, len(part), -1)
         motion = torch.from_numpy(placed).float().to(device)

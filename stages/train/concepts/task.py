@@ -77,7 +77,8 @@ class ConceptTask(TrainingTask[ConceptNetworks]):
         return own.float().argmax(1)
 
     def validate(self) -> dict[str, float]:
-        """Errors of all four on held-back windows, with codes of zero; the first is their sum."""
+        """Errors of all four on held-back windows, with codes of zero; the first is their sum without the KL
+        divergence."""
         batch = self.held_back.to(self.device)
         noise = torch.zeros(len(batch.motion), self.config.latent, device=self.device)
         terms = {**self._generator(batch, noise), **self._refiners(batch)}

@@ -1,4 +1,4 @@
-"""`pumps train recogniser`: labelled motions in; a network that tells their actions out."""
+"""`pumps train recogniser` trains a network that recognises the action of a motion."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "fps": found.fps,
             "test_accuracy": tested,
         }
-        rows = [row for row in reader.clips if row.split == "train" and reader.action(row.clip) in found.actions]
+        rows = [reader.row(each.clip) for each in found.of("train")]
         report = finish(
             config,
             trained,

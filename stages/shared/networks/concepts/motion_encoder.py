@@ -50,7 +50,7 @@ class MotionEncoder(nn.Module):
 
         Args:
             features: (B, T, F). action: (B,) index. seen: (B, T) True for frames that may be attended, at least one.
-            together: (B, T, T) True where two frames may attend each other; None for all.
+            together: (B, T, T) True where two frames may attend each other, instead of `seen`; None to use `seen`.
         """
         places = sinusoidal(features.shape[1], self.width, features.device)
         hidden = ~seen

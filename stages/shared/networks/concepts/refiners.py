@@ -2,7 +2,7 @@
 
 Sequences are (B, T, 3 J) metres on the standard body, the pelvis of the first frame at the origin, facing +Z there.
 Where the paper is silent: masked frames are hidden from attention; the logits of concepts of other actions are set to
-minus infinity; the concept feature of a transition is the mean over its frames, which attend each other alone; the
+minus infinity; the concept feature of a transition is the mean over its frames, which attend only to each other; the
 bias feature is the mean over all frames; and the refined sequence is added to the restored splines.
 """
 
@@ -15,13 +15,12 @@ from torch import Tensor, nn
 
 from stages.shared.networks.concepts.motion_encoder import MotionEncoder, perceptron, sinusoidal
 from stages.shared.networks.concepts.transition_generator import (
+    OUTPUT_M,
     POWERS,
     TransitionGenerator,
     at_times,
     straight,
 )
-
-_OUTPUT_M = 0.1
 
 
 class AnchorRecogniser(nn.Module):
@@ -84,7 +83,7 @@ class Segments(NamedTuple):
 
 
 class TransitionRefiner(nn.Module):
-    """A whole sequence anew, from the concept of each of its transitions and one bias of the sequence."""
+    """Makes a sequence from the concept of each of its transitions and one bias feature of the whole."""
 
     def __init__(self, features: int, actions: int, width: int):
         super().__init__()
@@ -108,7 +107,7 @@ class TransitionRefiner(nn.Module):
         concepts = share.transpose(1, 2) @ frames  # (B, S, D)
         rows = torch.arange(len(motion), device=motion.device)[:, None]
         lines = straight(motion[rows, segments.first], motion[rows, segments.last])
-        splines = lines + _OUTPUT_M * self.spline(concepts).unflatten(-1, (POWERS, -1))  # (B, S, 4, F)
+        splines = lines + OUTPUT_M * self.spline(concepts).unflatten(-1, (POWERS, -1))  # (B, S, 4, F)
         restored = at_times(splines[rows, segments.of_frame], segments.times[..., None]).squeeze(2)
         weight = valid[..., None].to(motion.dtype)
         bias = (self.bias_encoder(motion, action, valid) * weight).sum(1) / weight.sum(1)
@@ -118,7 +117,8 @@ class TransitionRefiner(nn.Module):
 
 
 class ConceptNetworks(nn.Module):
-    """The four networks. They share no parameter, so training them together is training each alone."""
+    """The four networks. They share no parameter; only the clipping of gradients and the choice of the best step
+    depend on all of them."""
 
     def __init__(self, features: int, actions: int, width: int, latent: int, concepts: Tensor, action_of: Tensor):
         super().__init__()

@@ -16,7 +16,7 @@ from stages.shared.networks.concepts.motion_encoder import perceptron
 
 POWERS = 4
 _SAMPLES = 16  # moments at which the encoder sees a transition
-_OUTPUT_M = 0.1  # an output of 1 is this much
+OUTPUT_M = 0.1  # an output of 1 is this much
 
 
 class Generated(NamedTuple):
@@ -62,7 +62,7 @@ class TransitionGenerator(nn.Module):
     def decoded(self, first: Tensor, last: Tensor, seconds: Tensor, code: Tensor) -> Tensor:
         """Splines (B, 4, F) of codes (B, Z); codes drawn from the standard normal are samples of a transition."""
         found = self.decoder(torch.cat([first, last, seconds[:, None], code], dim=1)).unflatten(1, (POWERS, -1))
-        return _OUTPUT_M * found + straight(first, last)
+        return OUTPUT_M * found + straight(first, last)
 
 
 def straight(first: Tensor, last: Tensor) -> Tensor:
