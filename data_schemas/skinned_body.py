@@ -6,6 +6,7 @@ N vertices, F triangles, J bones, W bones per vertex, K joints; right-handed, Y 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class Skin:
     bones: np.ndarray
     weights: np.ndarray
 
+    @cached_property
     def dense(self) -> np.ndarray:
         """The weights as a matrix (N, J) float32."""
         matrix = np.zeros((len(self.bones), len(self.names)), np.float32)
@@ -105,7 +107,7 @@ def skinned_vertices(skin: Skin, body: Body, rotations: np.ndarray, heads: np.nd
     frames, count = len(rotations), len(body.vertices)
     matrices = bone_matrices(body, rotations, heads)
     made = np.empty((frames, count, 3), np.float32)
-    weights = skin.dense()
+    weights = skin.dense
     for start in range(0, frames, _FRAMES_AT_ONCE):
         some = matrices[start : start + _FRAMES_AT_ONCE]
         blended = (weights @ some.transpose(1, 0, 2, 3).reshape(weights.shape[1], -1)).reshape(count, len(some), 3, 4)
@@ -121,7 +123,7 @@ def mapped_skin(skin: Skin, body: Body, mapping: np.ndarray) -> np.ndarray:
     vertices, without the vertices: skinning is linear in the bones' transforms.
     """
     points = np.concatenate([body.vertices, np.ones((len(body.vertices), 1), np.float32)], axis=1)
-    weights = skin.dense()
+    weights = skin.dense
     mapping = np.asarray(mapping, np.float32)
     return np.stack([mapping @ (weights[:, [bone]] * points) for bone in range(weights.shape[1])])
 

@@ -6,14 +6,11 @@ import time
 from dataclasses import replace
 from itertools import chain
 
-from data_schemas.artefact import write_artefact
-from data_schemas.clip_filter import clips_where
 from data_schemas.errors import InputError
-from data_schemas.mesh import MeshReader, MeshWriter
 from stages.predict_mesh.config import Config
 from stages.shared.contract import StageReport
+from stages.shared.inference.rewritten_meshes import rewritten_meshes
 from stages.shared.inference.spectral import load_spectral, vertices_in_parts
-from stages.shared.meshes.linear_views import LinearView
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
@@ -28,44 +25,36 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     weights = load_spectral(config.weights, config.device)
     weights.check_task("predict")
     lines: list[str] = []
-    clips, seconds = 0, 0.0
-    with MeshReader(config.mesh) as reader:
-        reader.check_connectivity(weights.connectivity, config.weights)
-        rows = clips_where(reader.clips, config.where)
-        view = LinearView(reader, weights.basis.vectors.T)
-        inputs = [reader.artefact, weights.artefact]
-        with (
-            write_artefact(config.output, "mesh", stage="predict-mesh", config=config, inputs=inputs) as draft,
-            MeshWriter(draft.folder, reader.topology) as writer,
-        ):
-            for name in reader.bodies():
-                writer.add_body(name, reader.body(name))
-            progress.start("Predicting meshes", total=len(rows))
-            for row in rows:
-                stop = min(row.frames, config.until or row.frames)
-                if stop < weights.known:
-                    lines.append(f"left out: {row.clip} has {stop} known frames, and {weights.known} are needed.")
-                    continue
-                if row.fps not in weights.fps:
-                    lines.append(f"Note: {row.clip} has {row.fps:g} frames a second; the weights know {weights.fps}.")
-                start = stop - weights.known
-                began = time.perf_counter()
-                coefficients = view.window(row.clip, start, stop)
-                made = weights.predict(coefficients[None], config.frames)[0]
-                seconds += time.perf_counter() - began
-                frames = weights.known + config.frames
-                known = reader.vertices(row.clip, start, stop)
-                writer.add_dense(
-                    replace(row, frames=frames, seconds=frames / row.fps),
-                    chain([known], vertices_in_parts(weights.basis, made)),
-                )
-                clips += 1
-                progress.advance(1, row.clip)
-            if not clips:
-                raise InputError(f"No clip of {config.mesh} has the {weights.known} known frames that are needed.")
-            draft.summary |= {"clips": clips, "known": weights.known, "predicted": config.frames}
-        rate = rows[0].fps
-    times = clips * config.frames / rate / max(seconds, 1e-9)
+    clips, seconds, played = 0, 0.0, 0.0
+    opened = (config.mesh, config.output, weights, str(config.weights), config.where, "predict-mesh", config)
+    with rewritten_meshes(*opened) as meshes:
+        reader = meshes.reader
+        progress.start("Predicting meshes", total=len(meshes.rows))
+        for row in meshes.rows:
+            progress.advance(1, row.clip)
+            stop = min(row.frames, config.until or row.frames)
+            if stop < weights.known:
+                lines.append(f"left out: {row.clip} has {stop} known frames, and {weights.known} are needed.")
+                continue
+            if row.fps not in weights.fps:
+                lines.append(f"Note: {row.clip} has {row.fps:g} frames a second; the weights know {weights.fps}.")
+            start = stop - weights.known
+            began = time.perf_counter()
+            coefficients = meshes.view.window(row.clip, start, stop)
+            made = weights.predict(coefficients[None], config.frames)[0]
+            seconds += time.perf_counter() - began
+            frames = weights.known + config.frames
+            known = reader.vertices(row.clip, start, stop)
+            meshes.writer.add_dense(
+                replace(row, frames=frames, seconds=frames / row.fps),
+                chain([known], vertices_in_parts(weights.basis, made)),
+            )
+            clips += 1
+            played += config.frames / row.fps
+        if not clips:
+            raise InputError(f"No clip of {config.mesh} has the {weights.known} known frames that are needed.")
+        meshes.draft.summary |= {"clips": clips, "known": weights.known, "predicted": config.frames}
+    times = played / max(seconds, 1e-9)
     said = f"{clips} clips, {config.frames} frames predicted after {weights.known} known ones, at {times:.1f} times "
     figures = {"clips": clips, "predicted": config.frames, "seconds": seconds, "times_real_time": times}
     return StageReport(output=config.output, lines=[f"{said}real time.", *lines], figures=figures)

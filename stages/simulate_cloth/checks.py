@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stages.shared.meshes.measures import edge_lengths
 from stages.simulate_cloth.collisions import near_pairs
-from stages.simulate_cloth.sheet import Sheet, distances
+from stages.simulate_cloth.sheet import Sheet
 
 _GUARD = 3.0  # nearest distances are searched up to this multiple of the thickness
 
@@ -31,11 +32,11 @@ class ClothChecks:
 
 def check_frames(frames: np.ndarray, sheet: Sheet, pins: np.ndarray, thickness_m: float) -> ClothChecks:
     """Measure places (S, T, N, 3) metres with the pins (S, 2)."""
-    strains = np.abs(distances(frames, sheet.edges) / sheet.lengths - 1)
+    strains = np.abs(edge_lengths(frames, sheet.edges) / sheet.lengths - 1)
     _sims, _times, count, _ = frames.shape
     numbers, one, other = near_pairs(frames.reshape(-1, count, 3), _GUARD * thickness_m)
-    edges = set((sheet.edges[:, 0].astype(int) * count + sheet.edges[:, 1]).tolist())
-    free = ~np.isin(one * count + other, list(edges))
+    edges = sheet.edges[:, 0].astype(int) * count + sheet.edges[:, 1]
+    free = ~np.isin(one * count + other, edges)
     flat = frames.reshape(-1, count, 3)
     apart = np.linalg.norm(flat[numbers[free], one[free]] - flat[numbers[free], other[free]], axis=1)
     pinned = np.take_along_axis(frames, pins[:, None, :, None], axis=2) - sheet.vertices[pins][:, None]

@@ -30,6 +30,8 @@ class Config(WritingConfig, SeededConfig):
     def _fits(self) -> Config:
         if self.test_share + self.val_share > 1:
             raise ValueError("test_share and val_share must not exceed 1 together")
+        if self.seconds * self.fps < 1 - 1e-6:
+            raise ValueError("seconds must be at least one frame, 1 / fps")
         if self.thickness_m > 0.45 * self.size_m / (self.rows - 1):
             raise ValueError(
                 f"thickness_m ({self.thickness_m:g}) must be at most 0.45 of the vertices' spacing "

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import astuple
 
@@ -13,11 +13,13 @@ import numpy as np
 
 from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
+from data_schemas.errors import PumpsError
 from data_schemas.mesh import MeshWriter
 from data_schemas.skinned_body import Body, Topology
 from stages.shared.contract import StageReport
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
+from stages.shared.threads import process_context
 from stages.simulate_cloth.checks import ClothChecks, check_frames
 from stages.simulate_cloth.config import Config
 from stages.simulate_cloth.sheet import make_sheet
@@ -107,9 +109,13 @@ def _simulated(config: Config, frames: int) -> Iterator[tuple[int, np.ndarray, C
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
+    pool = ProcessPoolExecutor(workers, process_context())
     try:
         yield pool
+    except BrokenProcessPool:
+        raise PumpsError(
+            "A process that simulates died, perhaps for lack of memory.", "Lower --workers or --batch."
+        ) from None
     finally:
         pool.shutdown(cancel_futures=True)
 

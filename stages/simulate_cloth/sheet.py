@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stages.shared.meshes.graph import edges_of
+from stages.shared.meshes.measures import edge_lengths
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def make_sheet(rows: int = 22, size_m: float = 1.0, density: float = 0.2, seed: 
     masses = np.zeros(len(vertices))
     np.add.at(masses, faces.ravel(), np.repeat(density * areas / 3, 3))
     return Sheet(
-        vertices, faces, edges, distances(vertices, edges), threads, bends, distances(vertices, bends), masses,
+        vertices, faces, edges, edge_lengths(vertices, edges), threads, bends, edge_lengths(vertices, bends), masses,
         float(areas.sum()),
     )  # fmt: skip
 
@@ -84,11 +85,6 @@ def opposite_pairs(faces: np.ndarray) -> np.ndarray:
     keys = np.sort(sides, axis=1)[order]
     same = np.flatnonzero((keys[1:] == keys[:-1]).all(axis=1))
     return np.stack([opposite[order[same]], opposite[order[same + 1]]], axis=1)
-
-
-def distances(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Distances (..., P) of pairs (P, 2) of vertices (..., N, 3)."""
-    return np.linalg.norm(vertices[..., pairs[:, 0], :] - vertices[..., pairs[:, 1], :], axis=-1)
 
 
 def coloured(pairs: np.ndarray) -> list[np.ndarray]:

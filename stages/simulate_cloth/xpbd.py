@@ -1,13 +1,14 @@
 """Cloth by extended position-based dynamics (XPBD; Macklin et al. 2016), many simulations at once.
 
-A step is one iteration over all constraints (small steps, Macklin et al. 2019): predict places from velocities and
-gravity, correct them by stretch, bending, tethers and contacts, and take the velocities from the change. Places are
-held as (N, 3, S) for S simulations, so that a group of constraints is one array operation.
+A step passes once over all constraints and several times over the threads (small steps, Macklin et al. 2019):
+predict places from velocities and gravity, correct them by stretch, bending, tethers and contacts, and take the
+velocities from the change. Places are held as (N, 3, S) for S simulations, so that a group of constraints is one
+array operation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +42,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class _Group:
-    """Constraints without a common vertex: pairs (C,), (C,), lengths (C, 1) and shares of the two inverse masses."""
+    """Constraints without a common vertex: pairs (C,), (C,) and their lengths (C, 1)."""
 
     first: np.ndarray
     second: np.ndarray
@@ -86,15 +87,13 @@ class ClothSolver:
         self._candidates: tuple[np.ndarray, ...] | None = None
         self._travelled = np.inf
 
-    def frames(self, count: int, fps: float, *, advanced: Callable[[], None] | None = None) -> Iterator[np.ndarray]:
+    def frames(self, count: int, fps: float) -> Iterator[np.ndarray]:
         """Places (S, N, 3) float64 metres of `count` frames, the flat sheet first."""
         steps = max(1, round(1 / fps / self.settings.step_s))
         for frame in range(count):
             if frame:
                 for _ in range(steps):
                     self.step(1 / fps / steps)
-                if advanced is not None:
-                    advanced()
             yield self.places.transpose(2, 0, 1).copy()
 
     def step(self, seconds: float) -> None:

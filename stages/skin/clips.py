@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 from data_schemas.artefact import open_artefact
 from data_schemas.clip_filter import clips_where
 from data_schemas.clips import ClipRow
-from data_schemas.errors import UsageError
+from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
@@ -46,7 +46,9 @@ def opened_motions(config: Config) -> Iterator[Motions]:
     if config.where is not None:
         raise UsageError("--where chooses clips of an artefact, and a recording is given.", "Leave it out.")
     source = source_named(str(config.input))
-    found = recordings_in(source, Asked())
+    found = list(recordings_in(source, Asked()))
+    if not found:
+        raise InputError(f"{source.name} holds no motion.")
     digest = hashlib.sha256(source.read()).hexdigest()
     stem = PurePosixPath(source.member.replace("\\", "/")).stem
     rows = []

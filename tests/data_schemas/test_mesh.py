@@ -51,7 +51,7 @@ def test_skinning_is_that_of_a_plain_sum_over_bones() -> None:
     topology, body = arm()
     rotations, heads = arm_poses(4)
     made = skinned_vertices(topology.skin, body, rotations, heads)
-    weights = topology.skin.dense()
+    weights = topology.skin.dense
     plain = np.zeros_like(made, dtype=float)
     for frame in range(4):
         for bone in range(2):

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 from data_schemas.mesh import MeshReader
 from stages.shared.meshes.graph import edges_of, graph_of
+from stages.shared.meshes.measures import edge_lengths
 from stages.simulate_cloth.checks import check_frames
 from stages.simulate_cloth.collisions import near_pairs, near_pairs_plain
 from stages.simulate_cloth.config import Config
 from stages.simulate_cloth.run import run
-from stages.simulate_cloth.sheet import coloured, distances, make_sheet, opposite_pairs
+from stages.simulate_cloth.sheet import coloured, make_sheet, opposite_pairs
 from stages.simulate_cloth.xpbd import GRAVITY, ClothSolver, Settings, pins_of
 
 
@@ -74,7 +75,7 @@ def test_free_cloth_falls_as_gravity_says() -> None:
     seconds, drag = 5 / 25, 0.4
     fallen = GRAVITY / drag * (seconds - (1 - np.exp(-drag * seconds)) / drag)
     assert -solver.places[:, 1].mean() == pytest.approx(fallen, rel=0.02)
-    assert np.abs(distances(solver.places[:, :, 0], sheet.edges) / sheet.lengths - 1).max() < 1e-6
+    assert np.abs(edge_lengths(solver.places[:, :, 0], sheet.edges) / sheet.lengths - 1).max() < 1e-6
 
 
 def _simulated(steps: int, frames: int = 14) -> tuple[np.ndarray, np.ndarray, object, np.ndarray]:
@@ -121,3 +122,8 @@ def test_the_stage_writes_meshes_of_one_connectivity_and_the_same_again(tmp_path
 def test_a_sheet_that_would_touch_itself_at_rest_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="would touch itself at rest"):
         Config(output=tmp_path / "a", rows=60)
+
+
+def test_a_simulation_has_at_least_one_frame(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="at least one frame"):
+        Config(count=1, seconds=0.01, output=tmp_path / "cloth")

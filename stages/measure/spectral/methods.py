@@ -26,9 +26,10 @@ from stages.shared.inference.spectral import (
 from stages.shared.meshes.body_rig import BodyRig, rig_of_body
 from stages.shared.meshes.linear_views import LinearView
 from stages.shared.meshes.windows import MeshWindow
-from stages.shared.weights.shipped import named_source
+from stages.shared.weights.shipped import named_source, parts_of, weights_folder
 
 TRUTH, REPEAT, CONSTANT = "truth", "repeat last", "constant velocity"
+_PUMPS = "PUMPS"
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class SpectralMethod:
 
     weights: SpectralWeights
     _view: LinearView | None = field(default=None, init=False)
+    _joints: np.ndarray | None = field(default=None, init=False)  # (K, k) of coefficients
 
     def __call__(self, views: MeshViews, window: MeshWindow) -> Predicted:
         basis = self.weights.basis
@@ -97,7 +99,9 @@ class SpectralMethod:
         made = self.weights.predict(known[None], views.ahead)[0]
         joints = None
         if views.joints is not None:
-            joints = np.einsum("jk,tkd->tjd", views.joints.mapping @ basis.vectors, made)
+            if self._joints is None:
+                self._joints = views.joints.mapping @ basis.vectors
+            joints = np.einsum("jk,tkd->tjd", self._joints, made)
         return Predicted(joints, lambda frames: basis.vertices(made[frames]))
 
 
@@ -166,7 +170,7 @@ def methods_of(config: Config, reader: MeshReader) -> tuple[dict[str, Method], l
     paths = []
     for text in config.weights:
         name, source = named_source(text)
-        if name in methods:
+        if name in methods or (name == _PUMPS and config.pumps is not None):
             raise UsageError(f"Two rows are called {name!r}.", f"Give another name: --weights NAME={source}.")
         if is_joint_mlp(source):
             joint = load_joint_mlp(source, config.device)
@@ -182,5 +186,6 @@ def methods_of(config: Config, reader: MeshReader) -> tuple[dict[str, Method], l
         paths.append(Path(source))
     if config.pumps is not None:
         removed = reader.artefact.manifest.config.get("root") == "removed"
-        methods["PUMPS"] = SkeletonMethod(load_weights(config.pumps, config.device), removed)
+        methods[_PUMPS] = SkeletonMethod(load_weights(config.pumps, config.device), removed)
+        paths += parts_of(weights_folder(config.pumps))
     return methods, paths

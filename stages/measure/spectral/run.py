@@ -118,7 +118,7 @@ def _measure(
         values.until.append(averaged_until(errors)[frames])
     if made.vertices is None:
         return
-    vertices = made.vertices(frames)
+    vertices = truth.vertices if itself else made.vertices(frames)
     values.melv.append(melv_mm(vertices, truth.last, edges))
     if not itself:
         values.rmse.append(rmse_share(vertices, truth.vertices))

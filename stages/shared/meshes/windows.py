@@ -37,7 +37,7 @@ class WindowList:
             longest = max((row.frames for row in rows), default=0)
             raise InputError(
                 f"No clip has the {frames} frames of a window; the longest has {longest}.",
-                "Give longer clips, or a smaller --window.",
+                "Give longer clips, or choose a shorter window.",
             )
         self.frames, self.stride = frames, stride
         self._ends = np.cumsum([(row.frames - frames) // stride + 1 for row in self.rows])

@@ -252,7 +252,7 @@ class _Run:
             shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items())
             self.progress.message(f"step {place.step}: {shown}")
         score = self.ranks.from_first(next(iter(figures.values()), 0.0))
-        if score < place.best:
+        if self.task.keeps_last or score < place.best:
             place.best, place.best_step, place.stale = score, place.step, 0
             self.best_weights = {name: tensor.clone() for name, tensor in self.average.items()}
         else:

@@ -65,6 +65,11 @@ class TrainingTask(ABC, Generic[Networks]):
         """Weight of a part of `rows` windows in the whole batch's loss."""
         return float(rows)
 
+    @property
+    def keeps_last(self) -> bool:
+        """Whether the last validation's weights are kept, whatever their score, instead of the best."""
+        return False
+
     def rate(self, step: int) -> float | None:
         """The learning rate at a step; None for that of the loop (`loop.learning_rate`)."""
         return None

@@ -57,7 +57,7 @@ class SpectralTask(TrainingTask[SpectralModel]):
         """Errors over the unknown frames, millimetres: of joints if there are some, else of vertices; MELV; and the
         autoencoder's own error.
 
-        The first figure selects the weights to keep: the error, or with `keep = "last"` the steps done, negative.
+        The first figure selects the weights to keep.
         """
         known, last = self.config.known, self.config.task == "complete"
         stop = self.config.window - 1 if last else self.config.window
@@ -72,9 +72,11 @@ class SpectralTask(TrainingTask[SpectralModel]):
         latents = self.networks.autoencoder.encode(self.held_back[:, :1].to(self.device))
         again = self.networks.autoencoder.decode(latents).cpu() - self.held_back[:, :1]
         figures["static_rmse_mm"] = 1e3 * float((again**2).sum((-2, -1)).mean().sqrt()) / count**0.5
-        if self.config.keep == "last":
-            figures = {"steps_left": -float(self.networks.steps), **figures}
         return figures
+
+    @property
+    def keeps_last(self) -> bool:
+        return self.config.keep == "last"
 
     def _melv(self, made: Tensor, known: int) -> float:
         """Mean edge length variation of some windows in some predicted frames, the last one among them."""
@@ -113,3 +115,7 @@ class JointTask(TrainingTask[JointMlp]):
         known = self.config.known
         made = self.networks(self.held_back[:, :known].to(self.device)).cpu().numpy()
         return {"mpjpe_mm": float(mpjpe_mm(made, self.held_back[:, known:].numpy()).mean())}
+
+    @property
+    def keeps_last(self) -> bool:
+        return self.config.keep == "last"
