@@ -117,6 +117,30 @@ def test_it_descends_and_keeps_the_best(tmp_path):
     assert trained.best == min(row["score"] for row in trained.log if row["split"] == "val")
 
 
+class Rising(Parabola):
+    """A task whose score gets worse with every validation."""
+
+    def __init__(self, keeps_last: bool):
+        super().__init__()
+        self._keeps_last = keeps_last
+
+    @property
+    def keeps_last(self) -> bool:
+        return self._keeps_last
+
+    def validate(self):
+        return {"score": float(self.steps)}
+
+
+def test_a_task_may_keep_its_last_weights_though_earlier_ones_were_better(tmp_path):
+    config = {"steps": 60, "validate_every": 20, "average": 0.0}
+    best, last = (
+        train(Rising(kept), plain_config(tmp_path / str(kept), **config), progress=SILENT) for kept in (False, True)
+    )
+    assert (best.best_step, last.best_step) == (20, 60)
+    assert abs(last.weights["place"].item() - 3) < abs(best.weights["place"].item() - 3)
+
+
 def test_it_stops_early_when_nothing_gets_better(tmp_path):
     task = Parabola()
     task.validate = lambda: {"score": 1.0}
