@@ -141,8 +141,8 @@ def motion_on_rig(
 def skeleton_on_rig(
     source: Skeleton, motion: Motion, body: RigBodyJoints, rate_hz: float
 ) -> tuple[Skeleton, Motion, np.ndarray] | None:
-    """The skeleton that the motion moves, the motion at the rate, and the body's joints of the skeleton, as the rig has
-    them: its own skeleton where it corresponds to the rig, else the rig's; None if it cannot be retargeted."""
+    """The skeleton that the motion moves, the motion at the rate, and the joints of the skeleton's body: its own
+    where it corresponds to the rig, else the rig's; None if it cannot be retargeted."""
     skeleton, joints = source, np.flatnonzero(np.asarray(source.groups) >= 0)
     if not is_corresponding(source, body.skeleton):
         made = _retargeted(source, motion, body.skeleton)
