@@ -27,6 +27,7 @@ from stages.shared.inference.filling import FillOptions, fill_motion, start_from
 from stages.shared.inference.models import Models
 from stages.shared.inference.part_models import PartBody
 from stages.shared.kinematics.forward_numpy import global_rotations, local_rotations, positions_of
+from stages.shared.kinematics.joint_trees import and_below
 from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.kinematics.resampling import resampled_frames
 from stages.shared.progress import Progress
@@ -146,7 +147,7 @@ def _filled(
 ) -> dict[str, Tensor]:
     """The stretch as `infill` completes it, and the plain interpolation that it starts from."""
     skeleton, known = stretch.skeleton, ~stretch.lost
-    limbs = below(skeleton, np.isin(skeleton.groups, groups))
+    limbs = limbs_of(skeleton, groups)
     motion = without_limbs(skeleton, stretch.motion, limbs, stretch.lost)
     pelvis = positions_of(skeleton, stretch.motion)[:, skeleton.root].astype(np.float64)
     fixed = Fixed(known[:, None] | ~limbs[None], pelvis)
@@ -160,13 +161,10 @@ def _filled(
     return {name: _columns(local_on_rig(each, stretch.joints, body.body)) for name, each in made.items()}
 
 
-def below(skeleton: Skeleton, joints: np.ndarray) -> np.ndarray:
-    """(J,) bool: these joints (J,) and all that hang on them."""
-    found = joints.copy()
-    for joint, parent in enumerate(np.asarray(skeleton.parents).tolist()):  # parents come before children
-        if parent >= 0 and found[parent]:
-            found[joint] = True
-    return found
+def limbs_of(skeleton: Skeleton, groups: Sequence[int]) -> np.ndarray:
+    """(J,) bool: the joints of body groups, and all that hang on them."""
+    own = np.flatnonzero(np.isin(skeleton.groups, groups)).tolist()
+    return np.isin(np.arange(skeleton.joints), and_below(skeleton.parents, own))
 
 
 def without_limbs(skeleton: Skeleton, motion: Motion, limbs: np.ndarray, lost: np.ndarray) -> Motion:

@@ -23,7 +23,7 @@ from stages.measure.body_parts.lost import (
     SEEN_AGAIN,
     TRUTH,
     Stretch,
-    below,
+    limbs_of,
     rows_of_lost,
     stretches_of,
     without_limbs,
@@ -98,8 +98,8 @@ def test_every_answer_is_measured_and_shown(trained: Path, tmp_path: Path):
 def test_what_is_lost_is_not_read(trained: Path, bodies: dict[str, PartBody], models: Models, stretch: Stretch):
     """Legs turned at random in the lost frames change no answer but the one that sees them."""
     config = _config(trained, trained / "unused")
-    legs = np.isin(stretch.skeleton.groups, (3, 4))
-    hidden = without_limbs(stretch.skeleton, stretch.motion, below(stretch.skeleton, legs), stretch.lost)
+    legs = limbs_of(stretch.skeleton, (3, 4))
+    hidden = without_limbs(stretch.skeleton, stretch.motion, legs, stretch.lost)
     local = stretch.local.copy()
     own = np.isin(bodies["BPs5"].body.groups, (3, 4))
     local[np.ix_(stretch.lost, own)] = [0, 0, 0, 1]
@@ -115,7 +115,7 @@ def test_what_is_lost_is_not_read(trained: Path, bodies: dict[str, PartBody], mo
 
 def test_limbs_hang_down_and_the_rest_stays(stretch: Stretch):
     skeleton, motion = stretch.skeleton, stretch.motion
-    limbs = below(skeleton, np.isin(skeleton.groups, (3, 4)))
+    limbs = limbs_of(skeleton, (3, 4))
     made = without_limbs(skeleton, motion, limbs, stretch.lost)
     before, after = (local_rotations(each.rotations, skeleton.parents) for each in (motion, made))
     away = 1 - np.abs((before * after).sum(-1))
