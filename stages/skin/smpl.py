@@ -21,14 +21,14 @@ from data_schemas.skinned_body import Body
 from stages.shared.contract import StageReport
 from stages.shared.formats.amass import SmplParameters, smpl_parameters
 from stages.shared.formats.clip_names import ClipNames
-from stages.shared.formats.sources import Source, find_sources
+from stages.shared.formats.sources import find_sources
 from stages.shared.formats.splits import assign_splits
 from stages.shared.kinematics.resampling import resample
 from stages.shared.meshes.smpl_bodies import SmplModel, load_smpl
 from stages.shared.progress import Progress
 from stages.skin.config import Config
 
-_NEUTRAL = "neutral"
+_NEUTRAL, _LEFT_OUT = "neutral", "left out"
 _FINGERS_FROM = 3 * 22  # numbers of a pose before those of hands and face
 
 
@@ -45,6 +45,15 @@ class _Wardrobe:
         if key not in self.models:
             self.models[key] = load_smpl(self.folder, layout, gender)
         return self.models[key]
+
+    def worn(self, writer: MeshWriter, model: SmplModel, given: SmplParameters) -> str:
+        """The name of the parameters' body, which is stored where it is new."""
+        key = (given.layout, given.gender or _NEUTRAL, np.asarray(given.betas, np.float64).tobytes())
+        if key not in self.bodies:
+            self.bodies[key] = f"body-{len(self.bodies)}"
+            shape = {f"beta_{number}": float(value) for number, value in enumerate(given.betas)}
+            writer.add_body(self.bodies[key], Body(model.shaped(given.betas), np.zeros((0, 3)), shape))
+        return self.bodies[key]
 
 
 def skin_smpl(config: Config, progress: Progress) -> StageReport:
@@ -65,6 +74,7 @@ def skin_smpl(config: Config, progress: Progress) -> StageReport:
     assigned = assign_splits(sources, config.splits)
     wardrobe, names = _Wardrobe(config.body_models), ClipNames()
     lines, frames, clips, count = [*assigned.notes], 0, 0, 0
+    licence, dtype = config.licence or "unknown", np.float16 if config.store == "float16" else np.float32
     inputs = [config.input, *([config.splits] if config.splits is not None else [])]
     progress.start("Computing surfaces", total=len(sources))
     with (
@@ -85,21 +95,26 @@ def skin_smpl(config: Config, progress: Progress) -> StageReport:
                 elif not np.array_equal(model.faces, writer.topology.faces):
                     raise InputError(f"{model.path} has other triangles than the model of the first file.")
             except InputError as error:
-                lines.append(f"left out: {source.name}: {error}")
+                lines.append(f"{_LEFT_OUT}: {source.name}: {error}")
                 continue
             count = model.topology.count
-            licence = config.licence or "unknown"
-            row = _add(writer, config, wardrobe, model, names, source, parameters, data, assigned.splits, licence)
+            taken = len(parameters.vectors)
+            row = ClipRow(
+                clip=names.name(source), source=source.name, sha256=hashlib.sha256(data).hexdigest(),
+                skeleton=wardrobe.worn(writer, model, parameters), frames=taken, fps=config.fps,
+                seconds=taken / config.fps, split=assigned.splits[source.name], licence=licence,
+            )  # fmt: skip
+            writer.add_dense(row, _placed(model, parameters, removed=config.root == "removed"), dtype)
             draft.licences.add(licence)
             frames, clips = frames + row.frames, clips + 1
         if writer is None:
-            first = next((line for line in lines if line.startswith("left out")), "no file is in a split")
+            first = next((line for line in lines if line.startswith(_LEFT_OUT)), "no file is in a split")
             raise InputError(f"Nothing of {config.input} could be used. The first: {first}")
-        bodies = len(wardrobe.bodies)
-        draft.summary |= {"clips": clips, "frames": frames, "identities": bodies, "left_out": len(lines)}
+        bodies, left_out = len(wardrobe.bodies), sum(line.startswith(_LEFT_OUT) for line in lines)
+        draft.summary |= {"clips": clips, "frames": frames, "identities": bodies, "left_out": left_out}
     hours = frames / config.fps / 3600
     said = f"{clips} clips, {frames} frames ({hours:.2f} hours) on {bodies} of SMPL's bodies, {count} vertices."
-    figures = {"clips": clips, "frames": frames, "hours": hours, "identities": bodies, "left_out": len(lines)}
+    figures = {"clips": clips, "frames": frames, "hours": hours, "identities": bodies, "left_out": left_out}
     return StageReport(output=config.output, lines=[said, *lines], figures=figures)
 
 
@@ -120,35 +135,6 @@ def _shown(config: Config, given: SmplParameters) -> SmplParameters:
     if config.shape == "mean":
         vectors[:, _FINGERS_FROM:], betas, gender = 0, np.zeros(0), _NEUTRAL
     return SmplParameters(given.layout, vectors, trans, config.fps, betas, gender, given.up_axis)
-
-
-def _add(
-    writer: MeshWriter,
-    config: Config,
-    wardrobe: _Wardrobe,
-    model: SmplModel,
-    names: ClipNames,
-    source: Source,
-    given: SmplParameters,
-    data: bytes,
-    splits: dict[str, str],
-    licence: str,
-) -> ClipRow:
-    """Store a clip and, where it is new, its body."""
-    key = (given.layout, given.gender or _NEUTRAL, np.asarray(given.betas, np.float64).tobytes())
-    if key not in wardrobe.bodies:
-        wardrobe.bodies[key] = f"body-{len(wardrobe.bodies)}"
-        shape = {f"beta_{number}": float(value) for number, value in enumerate(given.betas)}
-        writer.add_body(wardrobe.bodies[key], Body(model.shaped(given.betas), np.zeros((0, 3)), shape))
-    frames = len(given.vectors)
-    row = ClipRow(
-        clip=names.name(source), source=source.name, sha256=hashlib.sha256(data).hexdigest(),
-        skeleton=wardrobe.bodies[key], frames=frames, fps=config.fps, seconds=frames / config.fps,
-        split=splits[source.name], licence=licence,
-    )  # fmt: skip
-    dtype = np.float16 if config.store == "float16" else np.float32
-    writer.add_dense(row, _placed(model, given, removed=config.root == "removed"), dtype)
-    return row
 
 
 def _placed(model: SmplModel, given: SmplParameters, *, removed: bool) -> Iterator[np.ndarray]:
