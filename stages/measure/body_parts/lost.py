@@ -26,8 +26,8 @@ from stages.shared.inference.constraints.fixed import Fixed
 from stages.shared.inference.filling import FillOptions, fill_motion, start_from
 from stages.shared.inference.models import Models
 from stages.shared.inference.part_models import PartBody
+from stages.shared.kinematics.foot_contacts import and_below
 from stages.shared.kinematics.forward_numpy import global_rotations, local_rotations, positions_of
-from stages.shared.kinematics.joint_trees import and_below
 from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.kinematics.resampling import resampled_frames
 from stages.shared.progress import Progress
