@@ -44,7 +44,7 @@ pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 # A third of the steps for cloth and completion; the autoencoder trains alone for a twentieth.
 SPECTRAL_PART = $(shell expr $(SPECTRAL_STEPS) / 20)
 WITH_spectral-tables = --with 'steps=$(SPECTRAL_STEPS)' --with 'third=$(shell expr $(SPECTRAL_STEPS) / 3)' --with 'static=$(SPECTRAL_PART)' --with 'validate=$(SPECTRAL_PART)' --with 'cloths=$(SPECTRAL_CLOTHS)' --with 'windows=$(SPECTRAL_WINDOWS)' --with 'identities=$(SPECTRAL_IDENTITIES)'
-spectral-tables: $(VENV)/installed-mesh
-	$(call made,spectral,,$(WITH_spectral-tables),$(UNTIL_SLICE))
+spectral-tables spectral-pages: $(VENV)/installed-mesh
+	$(call made,spectral,$(if $(filter spectral-pages,$@),pages),$(WITH_spectral-tables),$(UNTIL_SLICE))
 body-parts-table1 body-parts-table2 body-parts-table3: install
 	$(call made,body-parts,,--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')

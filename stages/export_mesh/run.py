@@ -1,20 +1,23 @@
-"""`pumps export-mesh`: a mesh sequence as a GLB with skin, or as a page that plays bodies."""
+"""`pumps export-mesh`: a mesh sequence as a GLB with skin, as a page that plays bodies, or as a film strip."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
 
+import numpy as np
+
 from data_schemas.errors import InputError, UsageError
 from data_schemas.mesh import MeshReader
 from stages.export_mesh.config import Config
 from stages.export_mesh.page import Played, page_of
+from stages.export_mesh.strip import strip_of
 from stages.shared.contract import StageReport
 from stages.shared.meshes.skinned_glb import glb_of_body
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
-_CLIPS_OF_PAGE = 4
+_CLIPS = {".glb": 1, ".html": 4, ".svg": 1}  # that are written by default
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -23,23 +26,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: UsageError for another suffix, or several clips for a GLB; InputError for a clip that is not there, or one
         without bones for a GLB.
     """
-    check_file(config, (".glb", ".html"))
+    check_file(config, (".glb", ".html", ".svg"))
     progress.start("Writing meshes")
-    page = config.output.suffix.lower() == ".html"
-    with MeshReader(config.input) as reader:
-        names = config.clip or tuple(row.clip for row in reader.clips)[: _CLIPS_OF_PAGE if page else 1]
-        if page:
-            with ExitStack() as opened:
-                readers = {config.name: reader}
-                for text in config.beside:
-                    name, mark, path = text.partition("=")
-                    if not mark or name in readers:
-                        raise UsageError(f"--beside {text} is not NAME=MESHES, or its name is taken.")
-                    readers[name] = opened.enter_context(MeshReader(path))
-                faces = {name: each.topology.faces for name, each in readers.items()}
-                data = page_of(list(_played(config, readers, names)), faces, f"Meshes of {config.input.name}")
+    kind = config.output.suffix.lower()
+    with ExitStack() as opened:
+        readers = {config.name: opened.enter_context(MeshReader(config.input))}
+        for text in config.beside:
+            name, mark, path = text.partition("=")
+            if not mark or name in readers:
+                raise UsageError(f"--beside {text} is not NAME=MESHES, or its name is taken.")
+            readers[name] = opened.enter_context(MeshReader(path))
+        names = config.clip or _first_clips(config, list(readers.values()), _CLIPS[kind])
+        if kind == ".glb":
+            data = _glb(config, readers[config.name], names)
         else:
-            data = _glb(config, reader, names)
+            faces = {name: each.topology.faces for name, each in readers.items()}
+            played = list(_played(config, readers, names))
+            if kind == ".html":
+                data = page_of(played, faces, f"Meshes of {config.input.name}")
+            else:
+                last = max(len(each.vertices) for each in played) - 1
+                frames = np.unique(np.linspace(0, last, config.poses).round().astype(int)).tolist()
+                data = strip_of(played, faces, frames, config.start).encode("utf-8")
     write_output(config.output, data)
     size = len(data) / 1e6
     return StageReport(
@@ -47,6 +55,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         lines=[f"{config.output}: {', '.join(names)}, {size:.1f} MB."],
         figures={"clips": list(names), "bytes": len(data)},
     )
+
+
+def _first_clips(config: Config, readers: list[MeshReader], most: int) -> tuple[str, ...]:
+    """The first clips that all artefacts hold. Raises InputError if there is none."""
+    held = [{row.clip for row in reader.clips} for reader in readers]
+    names = [row.clip for row in readers[0].clips if all(row.clip in each for each in held)]
+    if not names:
+        raise InputError(f"No clip of {config.input} is in all of the other artefacts.", "Give others to --beside.")
+    return tuple(names[:most])
 
 
 def _played(config: Config, readers: dict[str, MeshReader], names: tuple[str, ...]) -> Iterator[Played]:

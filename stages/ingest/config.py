@@ -22,7 +22,9 @@ class Config(WritingConfig, ShardedConfig):
         "auto", description="Format of the files; auto detects it for each file."
     )
     splits: Path | None = Field(
-        None, description="JSON of splits, {archive: {test: [...], val: [...]}}; all other clips are for training."
+        None,
+        description="JSON of splits, {archive: {test: [...], val: [...]}}, all other clips being for training; or "
+        "{train: [...], test: [...]} with names of data sets or files, all others being left out.",
     )
     fps_override: tuple[str, ...] = Field(
         (), description="PATTERN=RATE, for example '*salsa*=60': the true frame rate of files whose name matches."

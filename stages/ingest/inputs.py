@@ -10,9 +10,9 @@ from pathlib import Path
 from data_schemas.manifest import sha256_of_file
 from data_schemas.sources import digest_of_source
 from stages.ingest.config import Config
-from stages.ingest.splits import SPLITS_NAME
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.readers import rig_suffixes
+from stages.shared.formats.splits import SPLITS_NAME
 
 _SMALL_BYTES = 16 << 20
 

@@ -20,15 +20,15 @@ from stages.ingest.inputs import digests_of_read, given_files
 from stages.ingest.known_facts import known_rate, known_rig, rate_notes
 from stages.ingest.licences import licence_of
 from stages.ingest.reading import Job, Outcome, read_all
-from stages.ingest.splits import Assigned, assign_splits
 from stages.ingest.usual_units import Units, usual_units
 from stages.shared.contract import StageReport
-from stages.shared.formats.archives import archive_suffix
+from stages.shared.formats.clip_names import ClipNames
 from stages.shared.formats.readers import suffixes_of
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.skeleton_map import read_skeleton_maps, unused_maps
 from stages.shared.formats.sources import Source, find_sources
+from stages.shared.formats.splits import Assigned, assign_splits
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
@@ -46,6 +46,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     asked = _asked(config)
     sources = find_sources(config.sources, suffixes_of(config.format), keep_bad=not config.strict)
     assigned = assign_splits(sources, config.splits)
+    sources = [source for source in sources if source.name in assigned.splits]
+    if not sources:
+        raise InputError(f"{config.splits} names none of the recordings.", "Check --splits.")
     rates = {source.name: _override_of(source, overrides) for source in sources}
     known = {source.name: known_rate(source) for source in sources if rates[source.name] is None}
     jobs = [
@@ -58,7 +61,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     sources = [job.source for job in jobs]
     if not sources:
         raise UsageError(f"--shard {config.shard} has no recording: there are fewer recordings than shards.")
-    clips = _ClipNames()
+    clips = ClipNames()
     rows: list[ClipRow] = []
     table: list[SourceRow] = []
     rigs: set[tuple[str, ...]] = set()
@@ -115,7 +118,7 @@ def _store(
     writer: MotionWriter,
     outcome: Outcome,
     job: Job,
-    clips: _ClipNames,
+    clips: ClipNames,
     assigned: Assigned,
     licence: str | None,
 ) -> list[ClipRow]:
@@ -160,27 +163,6 @@ def _source_row(outcome: Outcome, job: Job, made: Sequence[ClipRow]) -> SourceRo
 def _given(job: Job) -> list[Flag]:
     """The codes of what the user said of a recording."""
     return [Flag.FPS_OVERRIDE] if job.asked.fps_override is not None else []
-
-
-class _ClipNames:
-    """Names for clips from their archive and member: unique, and safe as a part of a path."""
-
-    def __init__(self) -> None:
-        self._taken: set[str] = set()
-
-    def name(self, source: Source, part: str = "") -> str:
-        stem = PurePosixPath(source.member.replace("\\", "/")).with_suffix("").as_posix() + (
-            f".{part}" if part else ""
-        )
-        data_set = source.data_set.removesuffix(archive_suffix(source.data_set))
-        path = stem if stem.split("/")[0] == data_set else f"{data_set}/{stem}"
-        base = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.replace("/", ".")).strip("._") or "clip"
-        name, copy = base[:200], 1
-        while name.lower() in self._taken:
-            copy += 1
-            name = f"{base[:190]}-{copy}"
-        self._taken.add(name.lower())
-        return name
 
 
 def _parse_overrides(texts: Sequence[str]) -> list[tuple[str, float]]:

@@ -99,8 +99,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("export-mesh",),
-        "Write a mesh sequence as a GLB with skin, or as a page that plays bodies.",
-        ("mesh",), "GLB, HTML", "pumps export-mesh runs/mine/skin -o bodies.html",
+        "Write a mesh sequence as a GLB with skin, as a page that plays bodies, or as a film strip.",
+        ("mesh",), "GLB, HTML, SVG", "pumps export-mesh runs/mine/skin -o bodies.html",
         arguments=("input",), pipeline=False, writes_file=True,
     ),
     Stage(

@@ -37,4 +37,18 @@ class Config(WritingConfig, SeededConfig):
         description="bones: the bones' transforms, from which vertices are computed when they are read. float32 or "
         "float16: every vertex, about 160 or 80 KB a frame; float16 rounds to about 1 mm.",
     )
+    body_models: Path | None = Field(
+        None,
+        description="Folder of SMPL's body models (.npz): the input is then a file, folder or archive of SMPL's, "
+        "SMPL-H's or SMPL-X's parameters, and the meshes are these models' surfaces, stored as vertices.",
+    )
+    shape: Literal["own", "mean"] = Field(
+        "own",
+        description="With --body-models. own: each recording's own shape and gender. mean: the neutral body with "
+        "flat hands (the paper's one identity).",
+    )
+    splits: Path | None = Field(
+        None,
+        description="With --body-models: JSON of splits, as for `pumps ingest`; also {split: [data sets]}.",
+    )
     licence: str | None = Field(None, description="Licence of a recording, which the artefact then states.")

@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
-from data_schemas.errors import InputError
+from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.mesh import MeshReader, MeshWriter
 from data_schemas.skinned_body import Body, Skin, Topology, skinned_vertices
@@ -23,6 +23,7 @@ from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.skin.clips import opened_motions
 from stages.skin.config import Config
+from stages.skin.smpl import skin_smpl
 
 _MOST_FITTED = 24  # identities that the joint regressor is exact on
 _FRAMES_AT_ONCE = 32
@@ -32,9 +33,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Write the mesh artefact `config.output` of the motions `config.input`.
 
     A clip whose skeleton cannot be put on the body is reported and left out.
-    Raises: PumpsError without the package anny; InputError if no clip could be used, or for damaged input.
+    Raises: UsageError for options that do not go together; PumpsError without the package anny, or smplx for SMPL's
+        bodies; InputError if no clip could be used, or for damaged input.
     """
     check_artefact(config, "mesh")
+    if config.body_models is not None:
+        return skin_smpl(config, progress)
+    if config.splits is not None:
+        raise UsageError("--splits is for --body-models.", "Give it to `pumps ingest`, or leave it out.")
     progress.start("Loading the body model")
     wardrobe = _of_artefact(config.bodies, config.identities) if config.bodies is not None else _of_anny(config)
     bodies, skin = wardrobe.bodies, wardrobe.topology.skin

@@ -32,7 +32,6 @@ from stages.stream.ways import (
     range_of,
     streamed_parts,
     streamed_rotations,
-    without_groups,
 )
 
 _PICTURE = "streaming.svg"
@@ -168,7 +167,7 @@ def _with_absent(
 ) -> Iterator[MetricRow]:
     """Errors of the groups that are seen, where all are seen and where some are not."""
     seen = ~np.isin(body.body.groups, hidden)
-    for task, given in ((SEEN, columns), (UNSEEN, without_groups(body, columns, hidden))):
+    for task, given in ((SEEN, columns), (UNSEEN, body.without_groups(columns, hidden))):
         made = body.decode(body.encode(given.to(body.device))).cpu()
         errors = joint_errors(made, columns, body.body.offsets, body.body.parents)
         yield _row(clip, name, task, body.window, ERROR, float(errors.distance_cm[..., seen].mean()), len(columns))

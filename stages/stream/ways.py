@@ -70,13 +70,3 @@ def bytes_of_parts(widths: Sequence[int], bits: int, header: int, seconds: float
 def bytes_of_rotations(joints: int, every: int, rate_hz: float, header: int) -> float:
     """Bytes a second of one packet a pose."""
     return (header + np.ceil(joints * ROTATION_BYTES)) * rate_hz / every
-
-
-def without_groups(body: PartBody, columns: Tensor, groups: Sequence[int]) -> Tensor:
-    """Windows (N, T, B, 6) whose joints of these groups have the mean pose of the training."""
-    out = columns.clone()
-    for model in body.parts:
-        hidden = np.isin(body.body.groups[model.part.joints], groups)
-        joints = model.part.joints[hidden]
-        out[:, :, joints] = model.network.mean.cpu()[torch.from_numpy(hidden)]
-    return out

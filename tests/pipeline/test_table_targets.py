@@ -21,7 +21,7 @@ RECIPE_OF = {
     "body-parts-table1": "body-parts", "body-parts-table2": "body-parts", "body-parts-table3": "body-parts",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small", "lifter": "lifter",
-    "spectral-tables": "spectral",
+    "spectral-tables": "spectral", "spectral-pages": "spectral",
 }  # fmt: skip
 
 MEMBERS = {"cmu-various": ["cmu-various/06/06_01.bvh"]}  # which recipes name: the rig of the lifter

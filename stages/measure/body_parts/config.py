@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.humanoid.decompositions import LIMBS
 
 
 class Config(WritingConfig, DeviceConfig, SeededConfig):
@@ -40,3 +41,26 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     blend: float = Field(
         0.0, description="Weight of a limb's own rotation of its connector; 0 takes the spine's.", ge=0, le=1
     )
+    pumps: str | None = Field(
+        None,
+        json_schema_extra={NAMES_OF: "weights"},
+        description="Weights of `pumps infill`, which complete lost limbs beside the bodies; by default no limb is "
+        "lost.",
+    )
+    lost: tuple[str, ...] = Field(
+        ("left_leg", "right_leg"), description="With --pumps: limbs that are lost, of " + ", ".join(LIMBS) + "."
+    )
+    lost_seconds: float = Field(
+        1.0, description="How long limbs are lost, in seconds, rounded to whole windows.", gt=0, le=60
+    )
+    lost_stretches: int = Field(
+        40, description="Stretches of each data set with lost limbs, spread evenly over its clips.", ge=1
+    )
+
+    @field_validator("lost")
+    @classmethod
+    def _are_limbs(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [name for name in value if name not in LIMBS]
+        if unknown or not value:
+            raise ValueError(f"must name some of {', '.join(LIMBS)}, not {', '.join(unknown) or 'none'}")
+        return value

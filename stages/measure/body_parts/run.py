@@ -11,11 +11,12 @@ import torch
 from torch import Tensor
 
 from data_schemas.artefact import write_artefact
-from data_schemas.manifest import Artefact
+from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import BODY_GROUPS
 from stages.measure.body_parts.config import Config
+from stages.measure.body_parts.lost import rows_of_lost, stretches_of
 from stages.measure.body_parts.noise import tampered_slices, with_input_noise, with_tampering, with_zeros
 from stages.measure.body_parts.picture import locality_picture
 from stages.measure.body_parts.summary import (
@@ -31,12 +32,13 @@ from stages.measure.body_parts.summary import (
 )
 from stages.shared.contract import StageReport
 from stages.shared.humanoid.clips_on_rig import RotationClip, clips_on_rig
+from stages.shared.inference.models import load_weights
 from stages.shared.inference.part_models import PartBody, load_part_bodies, refuse_repeats
 from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.part_errors import grouped, joint_errors
-from stages.shared.weights.shipped import named_source
+from stages.shared.weights.shipped import named_source, parts_of, weights_folder
 
 _PICTURE = "locality.svg"
 _TAMPER_WINDOWS = 64
@@ -64,6 +66,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     bodies = load_part_bodies(config.weights, config.device, config.blend)
     first = next(iter(bodies.values()))
     inputs: list[Artefact] = [each for body in bodies.values() for each in body.inputs]
+    models = load_weights(config.pumps, config.device) if config.pumps is not None else None
+    if config.pumps is not None:
+        inputs += [open_artefact(part, "checkpoint") for part in parts_of(weights_folder(config.pumps))]
     rows: list[MetricRow] = []
     notes: list[str] = []
     harms: dict[str, np.ndarray] = {}
@@ -75,7 +80,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             progress.start(f"reading {label}")
             clips, told = clips_on_rig(reader, wanted, first.body, first.rate_hz, first.window, config.clip_seconds)
             notes += [f"{label}: {sentence}" for sentence in told]
+            stretches = stretches_of(reader, wanted, first, config) if models is not None else []
         windows = _windows(clips, first.window, config.max_windows)
+        if models is not None:
+            if not stretches:
+                notes.append(f"{label}: No clip is long enough for limbs that are lost; lost_seconds is too high.")
+            progress.start(f"completing limbs of {label}", len(stretches))
+            rows += rows_of_lost(config, label, bodies, models, stretches, progress)
         progress.start(f"measuring {label}", len(SCENARIOS) * len(bodies))
         for name, body in bodies.items():
             rows += _rows_of_set(config, label, name, body, windows, progress)

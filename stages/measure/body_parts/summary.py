@@ -11,6 +11,7 @@ from data_schemas.metrics import MetricRow
 from data_schemas.skeleton import BODY_GROUPS
 from stages.measure.body_parts import paper
 from stages.measure.body_parts.config import Config
+from stages.measure.body_parts.lost_tables import lost_tables
 from stages.shared.settings.command_line import command_line
 from stages.shared.statistics.table import Entry, Row, Table
 
@@ -78,7 +79,8 @@ def summary_md(config: Config, rows: Sequence[MetricRow], measured: Measured, no
     parts.append("\n## Table 3\n")
     for scenario in list(SCENARIOS)[1:]:
         parts += [f"\n### {scenario}\n", *_by_set(rows, measured, scenario, measured.sets, paper.BY_SET[scenario])]
-    parts += ["\n## Best decomposition of each data set\n", *findings(rows, measured), *_locality(rows, measured)]
+    parts += ["\n## Best decomposition of each data set\n", *findings(rows, measured)]
+    parts += [*lost_tables(config, rows, measured.sets), *_locality(rows, measured)]
     return "\n".join(parts) + "\n"
 
 

@@ -110,7 +110,7 @@ def subject_joints(folder: Path, layout: str, gender: str, betas: np.ndarray) ->
         betas: (B,) shape parameters; those beyond the model's number are left out.
     Raises: InputError if no model is found or it is damaged.
     """
-    path = _model_path(folder, layout, gender)
+    path = model_path(folder, layout, gender)
     template, directions = _regressed(str(path), path.stat().st_mtime_ns)
     if len(template) < len(LAYOUTS[layout]):
         raise InputError(f"{path} has {len(template)} joints, but {layout} needs {len(LAYOUTS[layout])}.")
@@ -123,7 +123,8 @@ def subject_joints(folder: Path, layout: str, gender: str, betas: np.ndarray) ->
     return RestJoints(tuple(map(tuple, offsets.tolist())), tuple(joints[0].tolist()))
 
 
-def _model_path(folder: Path, layout: str, gender: str) -> Path:
+def model_path(folder: Path, layout: str, gender: str) -> Path:
+    """The file of a body model. Raises InputError if the folder has none for this layout and gender."""
     tried = []
     for kind in _FOLDERS[layout]:
         upper = f"{kind.upper()}_{gender.upper()}.npz"
@@ -159,6 +160,12 @@ def _regressed(path: str, stamp: int) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"{path} is damaged: its points and shape directions differ in number.")
     if regressor.ndim != 2 or regressor.shape[1] != points:
         raise InputError(f"{path} is damaged: its J_regressor does not match its points.")
-    # A full model has 300 shape directions, then those of the face; a short SMPL-X file has ten of each.
-    shapes = 300 if directions.shape[2] >= 300 else 10 if directions.shape[2] == 20 else directions.shape[2]
-    return regressor @ template, np.einsum("jv,vkb->jkb", regressor, directions[..., :shapes])
+    return regressor @ template, np.einsum("jv,vkb->jkb", regressor, directions[..., : shapes_of(directions)])
+
+
+def shapes_of(directions: np.ndarray) -> int:
+    """How many of a model's directions (N, 3, B) are of the body's shape; the others are of the face's expression.
+
+    A full model has 300 shape directions, then those of the face; a short SMPL-X file has ten of each.
+    """
+    return 300 if directions.shape[2] >= 300 else 10 if directions.shape[2] == 20 else directions.shape[2]

@@ -111,12 +111,12 @@ def clips_on_rig(
         whole = row.fps / rate_hz
         interpolated = abs(whole - round(whole)) > 1e-3 or whole < 1
         source = reader.skeleton(row.skeleton)
-        made = _on_rig(source, motion, body, rate_hz)
+        made = skeleton_on_rig(source, motion, body, rate_hz)
         if made is None:
             left["impossible to retarget"] += 1
             continue
         skeleton, motion, joints = made
-        found.append(RotationClip(row, _local(motion, joints, body), skeleton is not source, interpolated))
+        found.append(RotationClip(row, local_on_rig(motion, joints, body), skeleton is not source, interpolated))
     if not found:
         why = ", ".join(f"{count} {reason}" for reason, count in left.items())
         raise InputError(
@@ -131,18 +131,18 @@ def motion_on_rig(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """A motion on the rig at a rate: local rotations (T, B, 4) float32 and places of the pelvis (T, 3) metres, in the
     size of the body that it moves; None if it cannot be retargeted."""
-    made = _on_rig(source, motion, body, rate_hz)
+    made = skeleton_on_rig(source, motion, body, rate_hz)
     if made is None:
         return None
     skeleton, motion, joints = made
-    return _local(motion, joints, body), positions_of(skeleton, motion)[:, joints[0]]
+    return local_on_rig(motion, joints, body), positions_of(skeleton, motion)[:, joints[0]]
 
 
-def _on_rig(
+def skeleton_on_rig(
     source: Skeleton, motion: Motion, body: RigBodyJoints, rate_hz: float
 ) -> tuple[Skeleton, Motion, np.ndarray] | None:
-    """The motion at the rate, the skeleton that it moves and the joints of its body: its own where it corresponds to
-    the rig, else the rig's."""
+    """The skeleton that the motion moves, the motion at the rate, and the joints of the skeleton's body: its own
+    where it corresponds to the rig, else the rig's; None if it cannot be retargeted."""
     skeleton, joints = source, np.flatnonzero(np.asarray(source.groups) >= 0)
     if not is_corresponding(source, body.skeleton):
         made = _retargeted(source, motion, body.skeleton)
@@ -152,8 +152,8 @@ def _on_rig(
     return skeleton, resample(motion, rate_hz), joints
 
 
-def _local(motion: Motion, joints: np.ndarray, body: RigBodyJoints) -> np.ndarray:
-    """(T, B, 4) float32 rotations in the parents' frames."""
+def local_on_rig(motion: Motion, joints: np.ndarray, body: RigBodyJoints) -> np.ndarray:
+    """(T, B, 4) float32 rotations in the parents' frames, of joints as `skeleton_on_rig` gives them."""
     return continuous_signs(local_rotations(motion.rotations[:, joints], body.parents)).astype(np.float32)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -103,6 +104,15 @@ class PartBody:
             out[start:stop] += fade.view(-1, 1, 1) * window
             total[start:stop] += fade.view(-1, 1, 1)
         return out / total
+
+    def without_groups(self, columns: Tensor, groups: Sequence[int]) -> Tensor:
+        """Windows (N, T, B, 6) whose joints of these groups have the mean pose of the training."""
+        out = columns.clone()
+        for model in self.parts:
+            hidden = np.isin(self.body.groups[model.part.joints], groups)
+            joints = model.part.joints[hidden]
+            out[:, :, joints] = model.network.mean.cpu()[torch.from_numpy(hidden)]
+        return out
 
     def joined(self, made: Sequence[Tensor]) -> Tensor:
         """The parts' columns (N, T, K, 6) as one body's (N, T, B, 6)."""

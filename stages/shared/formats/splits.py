@@ -10,11 +10,21 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from data_schemas.errors import InputError
+from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.sources import Source
 
 SPLITS_NAME = "splits.json"
 _STRICTEST = ("train", "val", "test")
 _NOTES = (".json", ".txt")  # a file with such a suffix and a recording's name is usually about that recording
+_HINT = 'It must hold {"archive.zip": {"test": [...], "val": [...]}}, or {"train": [...], "test": [...]}.'
+_SPLIT_NAMES = {"train": "train", "val": "val", "vald": "val", "valid": "val", "validation": "val", "test": "test"}
+# AMASS' data sets whose names differ between its releases, lower case: old -> new.
+_RENAMED = {
+    "biomotionlab_ntroje": "bmlrub", "dfaust_67": "dfaust", "dfaust67": "dfaust",
+    "eyes_japan_dataset": "eyesjapandataset",
+    "mpi_hdm05": "hdm05", "mpi_limits": "poseprior", "mpi_mosh": "mosh", "ssm_synced": "ssm",
+    "tcd_handmocap": "tcdhands", "transitions_mocap": "transitions",
+}  # fmt: skip
 _TEST_SHARE, _VAL_SHARE = 10, 20  # one clip in this many, without a splits file
 
 
@@ -36,9 +46,15 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
     split does not depend on their order. Files of one name in several formats are assumed to be copies of one
     recording and get the same split.
 
+    A file {"train": [...], "val" or "vald": [...], "test": [...]}, as papers on AMASS have them, names data sets
+    (folders or archives, under AMASS' old or new names) and members; sources that it does not name get no split.
+
     Raises: InputError if a splits file is damaged.
     """
     assigned = Assigned()
+    by_split = _read_by_split(given) if given else None
+    if by_split is not None:
+        return _by_split(sources, by_split, str(given))
     by_set: dict[str, list[Source]] = {}
     for source in sources:
         by_set.setdefault(source.data_set, []).append(source)
@@ -72,26 +88,72 @@ def assign_splits(sources: Sequence[Source], given: Path | None) -> Assigned:
     return assigned
 
 
+def _read_by_split(path: Path) -> dict[str, str] | None:
+    """Name -> split of a file whose top level is splits; None for a file of data sets."""
+    raw = _json_of(path)
+    if not isinstance(raw, dict) or not raw or not set(raw) <= set(_SPLIT_NAMES):
+        return None
+    named: dict[str, str] = {}
+    for word, names in raw.items():
+        if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+            raise InputError(f"{path}: the split '{word}' must be a list of names.", _HINT)
+        for name in names:
+            split = _SPLIT_NAMES[word]
+            if named.setdefault(_plain(name), split) != split:
+                raise InputError(f"{path} has '{name}' in two splits.", "Name it once.")
+    return named
+
+
+def _by_split(sources: Sequence[Source], named: dict[str, str], path: str) -> Assigned:
+    """The splits of sources that a file names, a member before its folders, an inner folder before an outer one."""
+    assigned, used = Assigned(), set()
+    for source in sources:
+        data_set = source.data_set.removesuffix(archive_suffix(source.data_set))
+        parts = [data_set, *PurePosixPath(source.member.replace("\\", "/")).parts]
+        ends = ["/".join(parts[start:]) for start in range(len(parts))]
+        found = next((name for name in map(_plain, [*ends, *parts[-2::-1]]) if name in named), None)
+        if found is not None:
+            assigned.splits[source.name] = named[found]
+            used.add(found)
+    left, unused = len(sources) - len(assigned.splits), sorted(set(named) - used)
+    if left:
+        assigned.notes.append(f"{left} of {len(sources)} files are in no split of {path} and are left out.")
+    if unused:
+        assigned.notes.append(
+            f"{path} names {len(unused)} data sets or files that are not there, first '{unused[0]}'."
+        )
+    return assigned
+
+
+def _plain(name: str) -> str:
+    """A name without the ends that releases of AMASS differ in: suffix, "_poses"; data sets by their new names."""
+    plain = name.lower().removesuffix(".npz").removesuffix("_poses").removesuffix("_stageii")
+    return "/".join(_RENAMED.get(part, part) for part in plain.split("/"))
+
+
 def _beside(source: Source) -> Path | None:
     folder = Path(source.archive or source.name).parent
     path = folder / SPLITS_NAME
     return path if path.is_file() else None
 
 
-def _read_splits(path: Path) -> dict[str, dict[str, Any]]:
+def _json_of(path: Path) -> Any:
     try:
-        raw = json.loads(path.read_bytes())
+        return json.loads(path.read_bytes())
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.", "Check --splits.") from None
     except (ValueError, RecursionError):
         raise InputError(f"{path} is not JSON.", "Check --splits.") from None
-    hint = 'It must hold {"archive.zip": {"test": [...], "val": [...]}}.'
+
+
+def _read_splits(path: Path) -> dict[str, dict[str, Any]]:
+    raw = _json_of(path)
     if not isinstance(raw, dict):
-        raise InputError(f"{path} is not a splits file.", hint)
+        raise InputError(f"{path} is not a splits file.", _HINT)
     for data_set, named in raw.items():
         lists = [named.get(split, []) for split in ("test", "val")] if isinstance(named, dict) else [None]
         if not all(isinstance(names, list) and all(isinstance(name, str) for name in names) for names in lists):
-            raise InputError(f"{path}: the splits of '{data_set}' must be lists of names.", hint)
+            raise InputError(f"{path}: the splits of '{data_set}' must be lists of names.", _HINT)
     return raw
 
 
