@@ -175,6 +175,11 @@ WRITINGS = (
         "--device cpu -o {out}",
     ),
     Writing(
+        "measured-task", "measure task",
+        "--tpc {made}/tpc --weights mine={made}/lifter --splits train --max-windows 1 --window 32 "
+        "--device cpu -o {out}",
+    ),
+    Writing(
         "measured-motions", "measure motions",
         "--truth {made}/motion --made same={made}/motion --splits test --window 46 -o {out}",
     ),

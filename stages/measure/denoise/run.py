@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from data_schemas.artefact import write_artefact
 from data_schemas.checkpoint import read_checkpoint
@@ -29,6 +27,7 @@ from stages.measure.denoise.methods import (
 from stages.measure.denoise.summary import METRICS, summary_md, terminal_lines
 from stages.shared.contract import StageReport
 from stages.shared.formats.rig_file import rig_of_file
+from stages.shared.inference.held_out_tasks import clean_windows, window_random
 from stages.shared.inference.pose_filling import Interpolator, is_interpolator, load_interpolator
 from stages.shared.inference.pose_model import PoseModel, load_pose_model
 from stages.shared.kinematics.motion_filters import FILTERS
@@ -67,7 +66,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(methods))
         rows = []
         for category, clip, starts in windows:
-            clean = _clean(reader, clip, starts, config.window)
+            clean = clean_windows(reader, clip, starts, config.window)
             noisy = _noisy(rig, clean, clip, starts, config)
             for name, cleaner in methods.items():
                 figures = _figures(rig, cleaner(noisy), clean)
@@ -146,27 +145,19 @@ def _tuned(reader: TpcReader, rig: Rig, own: frozenset[str], config: Config) -> 
         return {name: config.widths[0] for name in config.filters}
     chosen = (("all=*",), config.window, config.tune_windows, config.tpc)
     found = [*windows_by_category(reader.clips, own, (config.tune_on,), *chosen)]
-    clean = [_clean(reader, clip, starts, config.window) for _, clip, starts in found]
+    clean = [clean_windows(reader, clip, starts, config.window) for _, clip, starts in found]
     # Without noise, the widths are those that are best for the paper's noise.
     noise = config if config.noise != _NO_NOISE else config.model_copy(update={"noise": "paper"})
     noisy = [_noisy(rig, each, clip, starts, noise) for each, (_, clip, starts) in zip(clean, found, strict=True)]
     return dict(best_widths(rig, config.filters, config.widths, BodyPose.joined(noisy), BodyPose.joined(clean)))
 
 
-def _clean(reader: TpcReader, clip: ClipRow, starts: list[int], window: int) -> BodyPose:
-    """The true windows (B, T) of a clip."""
-    parts = [reader.transforms(clip.clip, start, start + window) for start in starts]
-    roots = torch.from_numpy(np.stack([heads[:, 0] for heads, _ in parts])).float()
-    return BodyPose(roots, torch.from_numpy(np.stack([rotations for _, rotations in parts])).float())
-
-
 def _noisy(rig: Rig, clean: BodyPose, clip: ClipRow, starts: list[int], config: Config) -> BodyPose:
     """The windows with noise, which depends on the seed, the clip and the start alone."""
     if config.noise == _NO_NOISE:
         return clean
-    name = zlib.crc32(clip.clip.encode("utf-8", "surrogateescape"))
     return DenoiseTask(rig, config.noise).corrupted(
-        clean, [np.random.default_rng([config.seed, name, start]) for start in starts]
+        clean, [window_random(config.seed, clip, start) for start in starts]
     )
 
 
