@@ -26,9 +26,7 @@ def window_random(seed: int, clip: ClipRow, start: int) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(clip.clip.encode("utf-8", "surrogateescape")), start])
 
 
-def task_batch(
-    reader: TpcReader, task: PoseTask, clip: ClipRow, start: int, window: int, seed: int
-) -> TaskBatch:
+def task_batch(reader: TpcReader, task: PoseTask, clip: ClipRow, start: int, window: int, seed: int) -> TaskBatch:
     """One window (1, T) of a clip, as the task gives it to networks."""
     clean = clean_windows(reader, clip, [start], window)
     return task.draw(clean, torch.ones(1, window, dtype=torch.bool), [window_random(seed, clip, start)])

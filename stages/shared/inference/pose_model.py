@@ -55,7 +55,7 @@ class PoseModel:
 
 
 def load_pose_model(path: str | Path, tasks: str | tuple[str, ...] | None, device: str = "auto") -> PoseModel:
-    """The network of a checkpoint that `pumps train finetune` wrote for a task, for one of several, or for any (None).
+    """The network of a checkpoint that `pumps train finetune` wrote for a task, one of several, or any (None).
 
     Raises: InputError if the checkpoint is of another kind or for another task.
     """
