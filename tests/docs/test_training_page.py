@@ -35,7 +35,7 @@ def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     entry = EntryPoint("my-trackers", f"{module}:TrackersTask", registry.ENTRY_POINTS)
     monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == entry.group else [])
     yield entry.name
-    sys.modules.pop(module)
+    sys.modules.pop(module, None)
 
 
 def test_the_page_shows_the_task_of_pumps_in_under_80_lines():

@@ -87,10 +87,9 @@ def _folder(text: str) -> Path:
 def _models(config: Config) -> dict[str, PoseModel]:
     """The networks by their rows' names; where a name has several, minutes of training follow it."""
     named = [named_source(text) for text in config.weights]
-    first = load_pose_model(task_weights(named[0][1]), None, config.device).task.name
     models: dict[str, PoseModel] = {}
     for name, source in named:
-        model = load_pose_model(task_weights(source), first, config.device)
+        model = load_pose_model(task_weights(source), None, config.device)
         several = sum(other == name for other, _ in named) > 1
         row = f"{name}, {model.minutes:g} min" if several else name
         if row in models or row == BASE:
@@ -103,8 +102,10 @@ def _one_task(models: Mapping[str, PoseModel]) -> PoseTask:
     """The task of all networks. Raises InputError if they see other inputs or move different rigs."""
     (first, model), *others = models.items()
     for name, other in others:
-        if other.task.corruption != model.task.corruption or not other.rig.is_like(model.rig):
+        same = type(other.task) is type(model.task) and other.task.corruption == model.task.corruption
+        if not same or not other.rig.is_like(model.rig):
             raise InputError(
-                f"{first} and {name} see different inputs, or move different rigs.", "Measure them one by one."
+                f"{first} and {name} do different tasks, see different inputs or move different rigs.",
+                "Measure them one by one.",
             )
     return model.task
