@@ -74,7 +74,7 @@ class LatentDenoiser:
 
 
 def load_denoiser(path: str | Path, autoencoder: Autoencoder) -> LatentDenoiser:
-    """The denoiser of a checkpoint that `pumps train denoiser` wrote, beside the autoencoder that it was trained with.
+    """The denoiser of a checkpoint of `pumps train denoiser`, beside the autoencoder that it was trained with.
 
     Raises: InputError if the checkpoint is of another kind, or was trained with another autoencoder.
     """

@@ -60,8 +60,8 @@ def denoised_by_latents(
     """The motion with the denoiser's corrections, at its own rate, in time linear in its length.
 
     Args:
-        noisy: T frames as they were given. mended: the same after `mend_poses`; the denoiser corrects the one on whose
-            latents it was trained.
+        noisy: T frames as they were given. mended: the same after `mend_poses`. The denoiser corrects the one on
+            whose latents it was trained.
     """
     options = options or LatentOptions()
     motion = mended if denoiser.start == "mended" else noisy
