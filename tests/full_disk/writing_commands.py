@@ -81,6 +81,9 @@ WRITINGS = (
         f"--task denoise --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
     ),
     Writing(
+        "latent-denoiser", "train denoiser", f"--from {{made}}/run --tpc {{made}}/tpc {_TRAINING} -o {{out}}"
+    ),
+    Writing(
         "lifter", "train finetune",
         f"--task estimate --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
     ),

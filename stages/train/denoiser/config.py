@@ -15,7 +15,7 @@ from stages.shared.weights.shipped import default_weights
 class Config(TrainingConfig):
     """Train a denoiser of latents for all rigs at once, from the synthesiser of trained weights."""
 
-    learning_rate: float = Field(1e-3, json_schema_extra=OFTEN, description="Highest learning rate.")
+    learning_rate: float = Field(4e-4, json_schema_extra=OFTEN, description="Highest learning rate.")
     window: int = Field(96, json_schema_extra=OFTEN, description="Frames per window.", ge=8)
     batch: int = Field(8, json_schema_extra=OFTEN, description="Windows per step.", ge=1)
     tpc: Path = Field(description="The tpc artefact with motions of any rigs.")

@@ -58,7 +58,7 @@ class DenoiserTask(TrainingTask[LatentSynthesiser]):
         figures: dict[str, float] = {}
         for noise, batch in self.held_back.items():
             made, start = self._errors(batch)
-            figures[f"{noise}_mm"] = 1000 * float(made["cloud"])
+            figures[f"{noise}_mm"] = 1000 * float(made["cloud"].detach())
             if noise != NO_NOISE:
                 figures[f"{noise}_mm_of_start"] = 1000 * float(start["cloud"])
         means = [value for name, value in figures.items() if name.endswith("_mm")]
