@@ -90,7 +90,7 @@ def curve_of(page: Measured) -> Markup | str:
     minutes = sorted({x for points in lines.values() for x, _ in points})
     level = _mean_of(page, BASE)
     lines[BASE] = [(minutes[0], level), (minutes[-1], level)]
-    title = f"{_TITLES.get(page.metrics[0], page.metrics[0])}, against minutes of training, {page.task}"
+    title = f"{_TITLES.get(page.metrics[0], page.metrics[0])}, against minutes of training: the task {page.task}"
     return line_chart(title, lines, {x: f"{x:g}" for x in minutes}, shown=math.log, dots=True)
 
 
