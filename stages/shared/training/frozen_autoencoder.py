@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from stages.shared.inference.models import Autoencoder
 from stages.shared.networks.layers.device import precision
+from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
+from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 
 # Clouds encoded in one call: many for a GPU, on a CPU as many as fit in its caches.
 _FRAMES_AT_ONCE = {"cuda": 32768}
@@ -15,13 +16,17 @@ _FRAMES_AT_ONCE_CPU = 4096
 
 
 class FrozenAutoencoder:
-    """The encoder and the decoder on a training's device, without gradients of their own."""
+    """The encoder and the decoder on a training's device, without gradients of their own.
 
-    def __init__(self, autoencoder: Autoencoder, device: torch.device, mixed_precision: bool):
-        self.device, self.mixed_precision = device, mixed_precision
-        self.encoder = autoencoder.encoder.to(device).eval().requires_grad_(False)
-        self.decoder = autoencoder.decoder.to(device).eval().requires_grad_(False)
-        self.window = autoencoder.window
+    window: frames of the decoder's training windows, and of the pieces in which it decodes.
+    """
+
+    def __init__(
+        self, encoder: FrameEncoder, decoder: CloudDecoder, window: int, device: torch.device, mixed_precision: bool
+    ):
+        self.device, self.mixed_precision, self.window = device, mixed_precision, window
+        self.encoder = encoder.to(device).eval().requires_grad_(False)
+        self.decoder = decoder.to(device).eval().requires_grad_(False)
 
     def encode_frames(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """points (N, P, 3), groups (N, P) -> latents (N, D), centroids (N, 3); no gradient."""

@@ -31,7 +31,8 @@ class DenoiserTask(TrainingTask[LatentSynthesiser]):
 
     def __init__(self, config: Config, models: Models, pool: WindowPool, held_back: WindowPool, device: torch.device):
         self.config, self.device = config, device
-        self.frozen = FrozenAutoencoder(models.autoencoder, device, config.mixed_precision)
+        coder = models.autoencoder
+        self.frozen = FrozenAutoencoder(coder.encoder, coder.decoder, coder.window, device, config.mixed_precision)
         self.networks = models.synthesiser.to(device).requires_grad_(True)
         clear_linear(self.networks.out)
         self._drawer = NoisyDrawer(config, pool)

@@ -23,7 +23,8 @@ class WindowEncoder(FrozenAutoencoder):
     """The frozen autoencoder of a training, on its device."""
 
     def __init__(self, config: Config, autoencoder: Autoencoder, device: torch.device):
-        super().__init__(autoencoder, device, config.mixed_precision)
+        parts = (autoencoder.encoder, autoencoder.decoder, autoencoder.window)
+        super().__init__(*parts, device, config.mixed_precision)
         self.config = config
 
     def _encode_into(self, latents: Tensor, centroids: Tensor, points: Tensor, groups: Tensor, rows: Tensor) -> None:
