@@ -7,6 +7,7 @@
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
 # make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
+# make table-trackers  head and two hands in, motion out; TRACKERS_STEPS=300. GOAL=curve of it, table3, table4: error against CURVE_MINUTES=8
 # make spectral-tables | spectral-pages  SpecTrHuMS' tables on bodies and cloth, and what its networks predict, as pages and
 #                  film strips: SPECTRAL_STEPS=400 PRESET=spectral-small SPECTRAL_CLOTHS=64 SPECTRAL_WINDOWS=60
 #                  SPECTRAL_IDENTITIES=8 (docs/meshes.md)
@@ -58,7 +59,7 @@ SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:

@@ -14,6 +14,9 @@ GOAL   ?=
 TABLE3_STEPS   ?= 400
 TABLE4_STEPS   ?= 300
 TABLE4_WINDOWS ?= 20
+TRACKERS_STEPS   ?= 300
+TRACKERS_WINDOWS ?= 20
+CURVE_MINUTES  ?= 8
 SPECTRAL_STEPS ?= 60000
 SPECTRAL_CLOTHS ?= 2000
 SPECTRAL_WINDOWS ?= 0
@@ -23,8 +26,15 @@ BODY_PARTS_WINDOWS ?= 200
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
-WITH_table3 = --with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)'
-WITH_table4 = --with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)'
+# Curves of error against minutes of training: three trainings each, of a quarter, half and all of CURVE_MINUTES.
+WITH_CURVE = $(shell awk 'BEGIN { printf "--with quarter-minutes=%g --with half-minutes=%g --with whole-minutes=%g", $(CURVE_MINUTES) / 4, $(CURVE_MINUTES) / 2, $(CURVE_MINUTES) }')
+WITH_table3 = $(WITH_CURVE) --with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)'
+GOAL_table3 = $(GOAL)
+WITH_table4 = $(WITH_CURVE) --with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)'
+GOAL_table4 = $(GOAL)
+WITH_table-trackers = $(WITH_CURVE) --with 'steps=$(TRACKERS_STEPS)' --with 'windows=$(TRACKERS_WINDOWS)'
+RECIPE_table-trackers = trackers
+GOAL_table-trackers = $(GOAL)
 WITH_latent-report = --with 'weights=$(LATENT_WEIGHTS)'
 RECIPE_latent-report = latents
 WITH_solve-report = --with 'measured=$(SOLVE_CLIPS)' --with 'networks=$(SOLVE_NETWORKS)'
@@ -36,7 +46,7 @@ WITH_held-out = --with 'weights=$(HELD_OUT_WEIGHTS)' --with 'windows=$(HELD_OUT_
 WITH_unseen-rigs = $(WITH_held-out) --with 'rigs=$(RIGS)'
 WITH_lifter = --with 'initial=$(INITIAL)'
 
-table1 table2 table3 table4 latent-report solve-report solve-pages held-out unseen-rigs lifter: install
+table1 table2 table3 table4 table-trackers latent-report solve-report solve-pages held-out unseen-rigs lifter: install
 	$(call made,$(or $(RECIPE_$@),$@),$(GOAL_$@),$(WITH_$@),$(UNTIL_SLICE))
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))

@@ -19,18 +19,21 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
         " FILE.zip!MEMBER reads from an archive; of a folder, an archive or a pattern, each file is cleaned."
     )
     output: Path = Field(description="File to write: .bvh, .glb, .npz, .csv or .parquet.")
-    method: Literal["mend", "savgol", "one-euro", "butterworth", "laplacian"] = Field(
+    method: Literal["mend", "latent", "savgol", "one-euro", "butterworth", "laplacian"] = Field(
         "mend",
-        description="mend finds what is noisy and keeps the rest; the others are plain filters of all frames.",
+        description="mend finds what is noisy and keeps the rest; latent also corrects the result by networks that "
+        "need no training on the rig; the others are plain filters of all frames.",
     )
     weights: Path | None = Field(
         None,
-        description="A network of the rig, from `pumps train finetune --task repair` or denoise, run after mend.",
+        description="A network that is run after mend: of the rig, from `pumps train finetune --task repair` or "
+        "denoise; for --method latent of all rigs, from `pumps train denoiser`.",
     )
     fill: str = Field(
         default_factory=default_weights,
         json_schema_extra={NAMES_OF: "weights"},
-        description="Weights that fill stretches of over 0.3 s in which no frame is usable; none interpolates them.",
+        description="Weights that fill stretches of over 0.3 s in which no frame is usable; none interpolates them. "
+        "For --method latent also those whose autoencoder the denoiser was trained with.",
     )
     strength: float = Field(
         1.0, description="0 changes nothing, 1 takes the result as it is. Missing frames are filled in any case.",

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from collections.abc import Callable
 
 from data_schemas.errors import UsageError
+from data_schemas.skeleton import Motion, Skeleton
 from stages.denoise.config import Config
 from stages.denoise.motion_files import MotionFile, motion_file
 from stages.denoise.selection import check_something_there, chosen_frames, chosen_joints, masked
 from stages.denoise.summary import figures_of, lines_of
 from stages.shared.contract import StageReport
 from stages.shared.formats.writers import SUFFIXES
-from stages.shared.inference.denoising import Denoised, DenoiseOptions, denoise_motion
+from stages.shared.inference.denoising import MENDING, Denoised, DenoiseOptions, denoise_motion
 from stages.shared.inference.kept_models import kept_models
+from stages.shared.inference.latent_denoiser import load_denoiser
+from stages.shared.inference.latent_denoising import LatentOptions, denoised_by_latents
 from stages.shared.inference.pose_denoising import check_rig, refined
-from stages.shared.inference.pose_model import PoseModel, load_pose_model
+from stages.shared.inference.pose_model import load_pose_model
 from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
 
-NO_WEIGHTS = "none"
+NO_WEIGHTS, LATENT = "none", "latent"
 
 
 @over_files
@@ -32,9 +35,14 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     started = time.perf_counter()
     check_file(config, SUFFIXES.values())
-    if config.weights is not None and config.method != "mend":
-        raise UsageError("--weights is for the method mend.", "Leave --method out, or leave --weights out.")
-    if config.method == "mend" and config.width != 1.0:
+    if config.weights is not None and config.method not in MENDING:
+        raise UsageError("--weights is for the methods mend and latent.", "Leave out --method, or --weights.")
+    if config.method == LATENT and (config.weights is None or config.fill == NO_WEIGHTS):
+        raise UsageError(
+            "--method latent needs a denoiser and the weights whose autoencoder it was trained with.",
+            "Train one with `pumps train denoiser` and give its folder as --weights; leave --fill out.",
+        )
+    if config.method in MENDING and config.width != 1.0:
         raise UsageError("--width is for the plain filters.", "Name one with --method, such as savgol.")
     progress.start("cleaning", 3)
     file = motion_file(config)
@@ -60,9 +68,7 @@ def clean_file(file: MotionFile, config: Config) -> Denoised:
     check_something_there(missing, file.name)
     joints, positions = chosen_joints(config.joints, skeleton)
     frames = chosen_frames(config.frames, motion.frames)
-    model = _network(config.weights, config.device)
-    if model is not None:
-        check_rig(model, skeleton)
+    refine = _refining(config, skeleton)
     options = DenoiseOptions(config.method, config.width, config.strength, config.seed)
     return denoise_motion(
         skeleton,
@@ -71,12 +77,22 @@ def clean_file(file: MotionFile, config: Config) -> Denoised:
         options=options,
         # Called only for a long gap, since loading weights takes longer than cleaning a short clip.
         models=None if config.fill == NO_WEIGHTS else lambda: kept_models(config.fill, config.device),
-        refine=None if model is None else lambda noisy, mended: refined(model, skeleton, noisy, mended),
+        refine=refine,
         frames=frames,
         joints=joints,
         positions=positions,
     )
 
 
-def _network(path: Path | None, device: str) -> PoseModel | None:
-    return None if path is None else load_pose_model(path, ("repair", "denoise"), device)
+def _refining(config: Config, skeleton: Skeleton) -> Callable[[Motion, Motion], Motion] | None:
+    """What a network makes of the noisy and the mended motion; None without a network."""
+    if config.weights is None:
+        return None
+    if config.method == LATENT:
+        models = kept_models(config.fill, config.device)
+        denoiser = load_denoiser(config.weights, models.autoencoder)
+        options = LatentOptions(seed=config.seed)
+        return lambda noisy, mended: denoised_by_latents(denoiser, skeleton, noisy, mended, options)
+    model = load_pose_model(config.weights, ("repair", "denoise"), config.device)
+    check_rig(model, skeleton)
+    return lambda noisy, mended: refined(model, skeleton, noisy, mended)

@@ -88,7 +88,14 @@ STAGES: tuple[Stage, ...] = (
         ("train", "finetune"),
         "Fine-tune the synthesiser for a task on one rig: denoise, repair, estimate, trackers.",
         ("BVH", "tpc", "checkpoint"), "checkpoint",
-        "pumps train finetune --task denoise --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/denoiser",
+        "pumps train finetune --task denoise --skeleton rig.bvh --tpc runs/mine/sample-tpc -o runs/mine/denoise",
+        pipeline=False,
+    ),
+    Stage(
+        ("train", "denoiser"),
+        "Train a denoiser of latents for all rigs at once, from the synthesiser of trained weights.",
+        ("tpc", "checkpoint"), "checkpoint",
+        "pumps train denoiser --tpc runs/mine/sample-tpc -o runs/mine/denoiser",
         pipeline=False,
     ),
     Stage(

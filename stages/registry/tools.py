@@ -182,6 +182,13 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "task"),
+        "Measure networks for any task of one rig on held-out clips, and error against minutes of training.",
+        ("tpc", "checkpoint"), "metrics",
+        "pumps measure task --tpc runs/mine/sample-tpc --weights mine=runs/mine/trackers -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "constraints"),
         "Measure filling with parts kept, hands pinned or a path given, beside filling between keys alone.",
         ("motion", "checkpoint"), "metrics",

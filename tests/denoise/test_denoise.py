@@ -136,7 +136,7 @@ def test_other_formats_are_written(folder: Path):
     [
         ({"joints": "left_wing"}, InputError, "no joint 'left_wing'"),
         ({"frames": "500:600"}, InputError, "beyond the clip"),
-        ({"weights": Path("runs/none"), "method": "savgol"}, UsageError, "method mend"),
+        ({"weights": Path("runs/none"), "method": "savgol"}, UsageError, "methods mend"),
         ({"width": 2.0}, UsageError, "plain filters"),
         ({"mask": Path("none.csv")}, InputError, "cannot be read"),
         ({"weights": Path("stages/shared/weights/small-free/lms")}, InputError, "fine-tuned for a task"),

@@ -81,6 +81,9 @@ WRITINGS = (
         f"--task denoise --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
     ),
     Writing(
+        "latent-denoiser", "train denoiser", f"--from {{made}}/run --tpc {{made}}/tpc {_TRAINING} -o {{out}}"
+    ),
+    Writing(
         "lifter", "train finetune",
         f"--task estimate --from {{made}}/run --skeleton {CLIPS}/kick.bvh --tpc {{made}}/tpc {_TRAINING} -o {{out}}",
     ),
@@ -171,6 +174,11 @@ WRITINGS = (
     ),
     Writing(
         "measured-estimate", "measure estimate",
+        "--tpc {made}/tpc --weights mine={made}/lifter --splits train --max-windows 1 --window 32 "
+        "--device cpu -o {out}",
+    ),
+    Writing(
+        "measured-task", "measure task",
         "--tpc {made}/tpc --weights mine={made}/lifter --splits train --max-windows 1 --window 32 "
         "--device cpu -o {out}",
     ),

@@ -15,7 +15,7 @@ from tests.pipeline.made_runs import ROOT, Run
 
 RECIPE_OF = {
     "table1": "table1", "table2": "table2", "table3": "table3",
-    "table4": "table4",
+    "table4": "table4", "table-trackers": "trackers",
     "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
     "body-parts-table1": "body-parts", "body-parts-table2": "body-parts", "body-parts-table3": "body-parts",
@@ -148,6 +148,7 @@ def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_pa
     assert table.make(flags=flags, code=2) == []
     g1 = ("lafan1-g1.zip", "forward kinematics")
     origins = {"table1": g1, "table3": g1, "table4": ("bandai-namco-1.zip", "data fetch bandai-namco-1")}
+    origins["table-trackers"] = origins["table4"]
     origins |= {f"body-parts-table{number}": ("hdm05.zip", "cut clips") for number in (1, 2, 3)}
     named, origin = origins.get(target, ("cmu-dance.zip", "cgspeed"))
     assert named in table.said and origin in table.said.lower() and "nowhere" in table.said

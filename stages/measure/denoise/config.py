@@ -7,7 +7,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig, WritingConfig
+from stages.shared.weights.shipped import default_weights
 
 
 class Config(WritingConfig, DeviceConfig, SeededConfig):
@@ -16,8 +17,19 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     tpc: Path = Field(description="The tpc artefact with clips of the rig.")
     weights: tuple[str, ...] = Field(
         (),
-        description="NAME=FOLDER of a checkpoint: of `pumps train finetune --task denoise` or repair, or of "
-        "`pumps train baseline --method` motion-vae or pose-ndf; each is a row of the table.",
+        description="NAME=FOLDER of a checkpoint: of `pumps train finetune --task denoise` or repair, of "
+        "`pumps train denoiser`, or of `pumps train baseline --method` motion-vae or pose-ndf; each is a row of the "
+        "table.",
+    )
+    fill: str = Field(
+        default_factory=default_weights,
+        json_schema_extra={NAMES_OF: "weights"},
+        description="Weights whose autoencoder the denoisers of `pumps train denoiser` were trained with.",
+    )
+    breakdown: bool = Field(
+        False,
+        description="Also measure what a perfect denoiser of latents would give (true latents), and the solve alone "
+        "(true clouds).",
     )
     skeleton: str | None = Field(None, description="The rig: a BVH; by default that of the first fine-tuned weights.")
     output: Path = Field(description="Folder of the metrics artefact.")

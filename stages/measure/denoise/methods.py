@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import torch
 
+from data_schemas.skeleton import Motion
+from stages.shared.inference.cloud_sources import ReconstructedClouds
+from stages.shared.inference.latent_denoiser import LatentDenoiser
+from stages.shared.inference.latent_denoising import (
+    LatentOptions,
+    TrueDifferences,
+    corrections_by,
+    denoised_by_latents,
+    scene_of,
+)
+from stages.shared.inference.models import Models
+from stages.shared.inference.pose_denoising import body_of
 from stages.shared.inference.pose_filling import Interpolator
 from stages.shared.inference.pose_model import PoseModel, blended
 from stages.shared.kinematics.conventions import MODEL_FPS
@@ -16,9 +28,11 @@ from stages.shared.pointcloud.rig import Rig
 from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.denoise import DenoiseTask, pose_of_local
 from stages.shared.solve.robust_smoothing import mend_poses
+from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.statistics.metrics import mpjpe_mm
 
 NOISY, MEND = "noisy", "mend"
+TRUE_LATENTS, TRUE_CLOUDS = "true latents", "true clouds"
 Cleaner = Callable[[BodyPose], BodyPose]
 """Noisy windows (B, T) of the rig's body at 30 frames a second in, clean ones out, both in the world."""
 
@@ -67,6 +81,52 @@ def network_cleaner(model: PoseModel) -> Cleaner:
         return BodyPose.joined(made)
 
     return clean
+
+
+def latent_cleaner(rig: Rig, denoiser: LatentDenoiser) -> Cleaner:
+    """`pumps denoise --method latent`."""
+
+    def clean(noisy: BodyPose) -> BodyPose:
+        made = [denoised_by_latents(denoiser, rig.skeleton, *each) for each in _noisy_and_mended(rig, noisy)]
+        return _bodies(rig, made)
+
+    return clean
+
+
+def oracle_cleaner(rig: Rig, models: Models, kind: str) -> Callable[[BodyPose, BodyPose], BodyPose]:
+    """The same of noisy windows and their truth, with the true latents or the true clouds instead of the denoiser's:
+    what the autoencoder and the solve lose, or the solve alone."""
+
+    def clean(noisy: BodyPose, truth: BodyPose) -> BodyPose:
+        made = []
+        starts = _noisy_and_mended(rig, noisy)
+        for (_, mended), true in zip(starts, _motions(rig, truth), strict=True):
+            pose = SkeletonPose.of_motion(rig.skeleton, mended)
+            scene = scene_of(pose, np.arange(float(mended.frames)), mended.fps)
+            clouds = (
+                ReconstructedClouds(models, true)
+                if kind == TRUE_LATENTS
+                else TrueDifferences(SkeletonPose.of_motion(rig.skeleton, true))
+            )
+            found = corrections_by(clouds, scene, LatentOptions())
+            made.append(pose.corrected(found.turns, found.shifts).motion(mended.fps))
+        return _bodies(rig, made)
+
+    return clean
+
+
+def _motions(rig: Rig, pose: BodyPose) -> list[Motion]:
+    """Each window as a motion of the rig."""
+    return [rig.motion(roots, turns, MODEL_FPS) for roots, turns in zip(pose.roots, pose.rotations, strict=True)]
+
+
+def _noisy_and_mended(rig: Rig, noisy: BodyPose) -> list[tuple[Motion, Motion]]:
+    mended = mending_cleaner(rig)(noisy)
+    return [*zip(_motions(rig, noisy), _motions(rig, mended), strict=True)]
+
+
+def _bodies(rig: Rig, motions: Sequence[Motion]) -> BodyPose:
+    return BodyPose.joined([body_of(rig.skeleton, each, rig.body.joints) for each in motions])
 
 
 def prior_cleaner(rig: Rig, prior: Interpolator) -> Cleaner:

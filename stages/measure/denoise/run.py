@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from data_schemas.artefact import write_artefact
 from data_schemas.checkpoint import read_checkpoint
@@ -19,16 +18,23 @@ from stages.measure.denoise.config import Config
 from stages.measure.denoise.methods import (
     MEND,
     NOISY,
+    TRUE_CLOUDS,
+    TRUE_LATENTS,
     Cleaner,
     best_widths,
     filter_cleaner,
+    latent_cleaner,
     mending_cleaner,
     network_cleaner,
+    oracle_cleaner,
     prior_cleaner,
 )
 from stages.measure.denoise.summary import METRICS, summary_md, terminal_lines
 from stages.shared.contract import StageReport
 from stages.shared.formats.rig_file import rig_of_file
+from stages.shared.inference.held_out_tasks import clean_windows, window_random
+from stages.shared.inference.kept_models import kept_models
+from stages.shared.inference.latent_denoiser import LatentDenoiser, load_denoiser
 from stages.shared.inference.pose_filling import Interpolator, is_interpolator, load_interpolator
 from stages.shared.inference.pose_model import PoseModel, load_pose_model
 from stages.shared.kinematics.motion_filters import FILTERS
@@ -56,21 +62,24 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     for name in config.filters:
         if name not in FILTERS:
             raise UsageError(f"There is no filter {name!r}.", f"Take of {', '.join(FILTERS)}.")
-    models, priors = _loaded(config)
+    models, denoisers, priors = _loaded(config)
     rig = _rig(config, models)
+    oracles = _oracles(rig, config)
     with TpcReader(config.tpc) as reader:
         own = sets_of_rig(reader, rig)
         measured = (config.category, config.window, config.max_windows, config.tpc)
         windows = [*windows_by_category(reader.clips, own, config.splits, *measured)]
         widths = _tuned(reader, rig, own, config)
-        methods = _methods(rig, models, priors, widths)
-        progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(methods))
+        methods = _methods(rig, models, denoisers, priors, widths)
+        names = [*methods, *oracles]
+        progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(names))
         rows = []
         for category, clip, starts in windows:
-            clean = _clean(reader, clip, starts, config.window)
+            clean = clean_windows(reader, clip, starts, config.window)
             noisy = _noisy(rig, clean, clip, starts, config)
-            for name, cleaner in methods.items():
-                figures = _figures(rig, cleaner(noisy), clean)
+            for name in names:
+                made = methods[name](noisy) if name in methods else oracles[name](noisy, clean)
+                figures = _figures(rig, made, clean)
                 place = (clip.clip, clip.skeleton, category, name, DENOISING, config.window)
                 for metric, value in zip(METRICS, figures, strict=True):
                     rows.append(MetricRow(*place, metric, value, windows=len(starts)))
@@ -78,12 +87,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         inputs = [reader.artefact, *(open_artefact(_source(text), "checkpoint") for text in config.weights)]
     with write_artefact(config.output, "metrics", stage="measure-denoise", config=config, inputs=inputs) as draft:
         count = sum(len(starts) for *_, starts in windows)
-        draft.summary.update(windows=count, methods=[*methods], widths=dict(widths))
-        write_metrics(draft.folder, rows, summary_md(config, rows, models, priors, widths))
+        draft.summary.update(windows=count, methods=names, widths=dict(widths))
+        trained = {**models, **denoisers, **priors}
+        write_metrics(draft.folder, rows, summary_md(config, rows, trained, widths))
     return StageReport(
         output=config.output,
         lines=[*terminal_lines(rows, config.seed), f"Full tables: {config.output}, summary.md."],
-        figures={"windows": count, "methods": [*methods], "widths": dict(widths)},
+        figures={"windows": count, "methods": names, "widths": dict(widths)},
     )
 
 
@@ -91,15 +101,21 @@ def _source(text: str) -> Path:
     return Path(named_source(text)[1])
 
 
-def _loaded(config: Config) -> tuple[dict[str, PoseModel], dict[str, Interpolator]]:
-    """Fine-tuned networks and priors by name."""
+def _loaded(
+    config: Config,
+) -> tuple[dict[str, PoseModel], dict[str, LatentDenoiser], dict[str, Interpolator]]:
+    """Fine-tuned networks, denoisers of latents and priors, by name."""
     models: dict[str, PoseModel] = {}
+    denoisers: dict[str, LatentDenoiser] = {}
     priors: dict[str, Interpolator] = {}
     for text in config.weights:
         name, source = named_source(text)
-        if name in {NOISY, MEND, *config.filters, *models, *priors}:
+        if name in {NOISY, MEND, TRUE_LATENTS, TRUE_CLOUDS, *config.filters, *models, *denoisers, *priors}:
             raise UsageError(f"Two rows are called {name!r}.", f"Give another name: --weights NAME={source}.")
         kept = read_checkpoint(open_artefact(source, "checkpoint"), optimiser=False)
+        if kept.config.get("network") == "denoiser":
+            denoisers[name] = load_denoiser(source, kept_models(config.fill, config.device).autoencoder)
+            continue
         if not is_interpolator(kept.config):
             models[name] = load_pose_model(source, ("denoise", "repair"), config.device)
             continue
@@ -109,7 +125,15 @@ def _loaded(config: Config) -> tuple[dict[str, PoseModel], dict[str, Interpolato
                 f"{source} holds a network that fills gaps and cannot clean noisy motion.",
                 "Train one with --method motion-vae or pose-ndf.",
             )
-    return models, priors
+    return models, denoisers, priors
+
+
+def _oracles(rig: Rig, config: Config) -> dict[str, Callable[[BodyPose, BodyPose], BodyPose]]:
+    """With `breakdown`, what cleans windows by knowing the truth."""
+    if not config.breakdown:
+        return {}
+    models = kept_models(config.fill, config.device)
+    return {kind: oracle_cleaner(rig, models, kind) for kind in (TRUE_LATENTS, TRUE_CLOUDS)}
 
 
 def _rig(config: Config, models: dict[str, PoseModel]) -> Rig:
@@ -127,7 +151,11 @@ def _rig(config: Config, models: dict[str, PoseModel]) -> Rig:
 
 
 def _methods(
-    rig: Rig, models: dict[str, PoseModel], priors: dict[str, Interpolator], widths: dict[str, float]
+    rig: Rig,
+    models: dict[str, PoseModel],
+    denoisers: dict[str, LatentDenoiser],
+    priors: dict[str, Interpolator],
+    widths: dict[str, float],
 ) -> dict[str, Cleaner]:
     for name, prior in priors.items():
         prior.check_hierarchy(rig.body.parents, rig.body.groups.numpy(), f"the rig that {name} is measured on")
@@ -136,6 +164,7 @@ def _methods(
         **{name: filter_cleaner(rig, FILTERS[name], width) for name, width in widths.items()},
         MEND: mending_cleaner(rig),
         **{name: prior_cleaner(rig, prior) for name, prior in priors.items()},
+        **{name: latent_cleaner(rig, denoiser) for name, denoiser in denoisers.items()},
         **{name: network_cleaner(model) for name, model in models.items()},
     }
 
@@ -146,27 +175,19 @@ def _tuned(reader: TpcReader, rig: Rig, own: frozenset[str], config: Config) -> 
         return {name: config.widths[0] for name in config.filters}
     chosen = (("all=*",), config.window, config.tune_windows, config.tpc)
     found = [*windows_by_category(reader.clips, own, (config.tune_on,), *chosen)]
-    clean = [_clean(reader, clip, starts, config.window) for _, clip, starts in found]
+    clean = [clean_windows(reader, clip, starts, config.window) for _, clip, starts in found]
     # Without noise, the widths are those that are best for the paper's noise.
     noise = config if config.noise != _NO_NOISE else config.model_copy(update={"noise": "paper"})
     noisy = [_noisy(rig, each, clip, starts, noise) for each, (_, clip, starts) in zip(clean, found, strict=True)]
     return dict(best_widths(rig, config.filters, config.widths, BodyPose.joined(noisy), BodyPose.joined(clean)))
 
 
-def _clean(reader: TpcReader, clip: ClipRow, starts: list[int], window: int) -> BodyPose:
-    """The true windows (B, T) of a clip."""
-    parts = [reader.transforms(clip.clip, start, start + window) for start in starts]
-    roots = torch.from_numpy(np.stack([heads[:, 0] for heads, _ in parts])).float()
-    return BodyPose(roots, torch.from_numpy(np.stack([rotations for _, rotations in parts])).float())
-
-
 def _noisy(rig: Rig, clean: BodyPose, clip: ClipRow, starts: list[int], config: Config) -> BodyPose:
     """The windows with noise, which depends on the seed, the clip and the start alone."""
     if config.noise == _NO_NOISE:
         return clean
-    name = zlib.crc32(clip.clip.encode("utf-8", "surrogateescape"))
     return DenoiseTask(rig, config.noise).corrupted(
-        clean, [np.random.default_rng([config.seed, name, start]) for start in starts]
+        clean, [window_random(config.seed, clip, start) for start in starts]
     )
 
 

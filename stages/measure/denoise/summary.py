@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from data_schemas.metrics import MetricRow
 from stages.measure.denoise.config import Config
-from stages.measure.denoise.methods import MEND, NOISY
+from stages.measure.denoise.methods import MEND, NOISY, TRUE_CLOUDS, TRUE_LATENTS
+from stages.shared.inference.latent_denoiser import LatentDenoiser
 from stages.shared.inference.pose_filling import Interpolator
 from stages.shared.inference.pose_model import PoseModel
 from stages.shared.settings.command_line import command_line
@@ -19,35 +20,35 @@ _TITLES = {
     "mpjae_deg": "Angles, degrees",
 }
 _DECIMALS = 2
+_OF_BREAKDOWN = (
+    f" `{TRUE_LATENTS}`: mending, then what `--method latent` would do with the latents of the truth: the error of "
+    f"autoencoder and solve. `{TRUE_CLOUDS}`: with the points of the truth: the error of the solve."
+)
 
 
 def summary_md(
     config: Config,
     rows: Sequence[MetricRow],
-    models: Mapping[str, PoseModel],
-    priors: Mapping[str, Interpolator],
+    trained: Mapping[str, PoseModel | LatentDenoiser | Interpolator],
     widths: Mapping[str, float],
 ) -> str:
     """The whole page."""
     windows = sum(row.windows for row in rows if row.method == NOISY and row.metric == METRICS[0])
     clips = len({row.clip for row in rows})
-    trained = {**{name: model.network for name, model in models.items()}, **{n: p.network for n, p in priors.items()}}
-    on = {
-        **{name: model.trained_on for name, model in models.items()},
-        **{n: p.trained_on for n, p in priors.items()},
-    }
     parts = [
         "# Denoising (PUMPS Table 4)\n",
         f"Made by:\n\n```\n{command_line('pumps measure denoise', config)}\n```\n",
         f"{clips} clips, {windows} windows of {config.window} frames at 30 fps; noise: {config.noise}. All methods "
         "see the same noisy windows. Means over windows; of all clips with a 95% bootstrap interval over clips. "
-        f"`{NOISY}`: nothing is done. `{MEND}`: `pumps denoise` without weights.\n",
+        f"`{NOISY}`: nothing is done. `{MEND}`: `pumps denoise` without weights."
+        + (_OF_BREAKDOWN if config.breakdown else "")
+        + "\n",
         "\n".join(
             [f"- {name}: width {width:g}, the best of {len(config.widths)}." for name, width in widths.items()]
             + [
-                f"- {name}: {sum(value.numel() for value in network.parameters()) / 1e6:.2f} M parameters, trained "
-                f"on {on[name]}."
-                for name, network in trained.items()
+                f"- {name}: {sum(value.numel() for value in each.network.parameters()) / 1e6:.2f} M parameters, "
+                f"trained on {each.trained_on}."
+                for name, each in trained.items()
             ]
         ),
     ]

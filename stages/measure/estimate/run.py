@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
@@ -18,7 +16,8 @@ from data_schemas.tpc import TpcReader
 from stages.measure.estimate.config import Config
 from stages.measure.estimate.summary import METRICS, REST, summary_md, terminal_lines
 from stages.shared.contract import StageReport
-from stages.shared.inference.pose_model import PoseModel, blended, load_pose_model
+from stages.shared.inference.held_out_tasks import made_of_batch, task_batch
+from stages.shared.inference.pose_model import PoseModel, load_pose_model
 from stages.shared.outputs import check_artefact
 from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.estimate import EstimateTask
@@ -47,9 +46,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         progress.start("estimating", len(windows) * (len(models) + 1))
         rows = []
         for category, clip, starts in windows:
-            batches = [_batch(reader, task, clip, start, config) for start in starts]
+            batches = [task_batch(reader, task, clip, start, config.window, config.seed) for start in starts]
             for name, model in [(REST, None), *models.items()]:
-                figures = np.array([_figures(task, _made(model, task, batch, config), batch) for batch in batches])
+                figures = np.array([_figures(task, made_of_batch(model, batch), batch) for batch in batches])
                 place = (clip.clip, clip.skeleton, category, name, ESTIMATION, config.window)
                 for metric, value in zip(METRICS, figures.mean(axis=0), strict=True):
                     rows.append(MetricRow(*place, metric, float(value), windows=len(starts)))
@@ -94,27 +93,6 @@ def _one_task(models: dict[str, PoseModel]) -> EstimateTask:
 def _windows(reader: TpcReader, task: EstimateTask, config: Config) -> Iterator[tuple[str, ClipRow, list[int]]]:
     own, most = sets_of_rig(reader, task.rig), config.max_windows
     return windows_by_category(reader.clips, own, config.splits, config.category, config.window, most, config.tpc)
-
-
-def _batch(reader: TpcReader, task: EstimateTask, clip: ClipRow, start: int, config: Config) -> TaskBatch:
-    """One window as a camera sees it, which depends on the seed, the clip and the start alone."""
-    heads, rotations = reader.transforms(clip.clip, start, start + config.window)
-    clean = BodyPose(torch.from_numpy(heads[None, :, 0]).float(), torch.from_numpy(rotations[None]).float())
-    rng = np.random.default_rng([config.seed, zlib.crc32(clip.clip.encode("utf-8", "surrogateescape")), start])
-    return task.draw(clean, torch.ones(1, config.window, dtype=torch.bool), [rng])
-
-
-def _made(model: PoseModel | None, task: EstimateTask, batch: TaskBatch, config: Config) -> BodyPose:
-    """The network's pose of a window, by windows of its training's length that are blended; or the rest pose."""
-    if model is None:
-        return batch.base
-
-    def of_window(start: int, stop: int) -> BodyPose:
-        part = slice(start, stop)
-        times = torch.arange(float(stop - start)).unsqueeze(0)
-        return model.pose(batch.features[:, part], batch.given[:, part], batch.base.frames(part), times)
-
-    return blended(config.window, max(model.window, 2), of_window)
 
 
 def _figures(task: EstimateTask, made: BodyPose, batch: TaskBatch) -> list[float]:

@@ -117,6 +117,11 @@ def person_of(
         that are shares of an image whose size is unknown.
     """
     tracks = people_of(found)
+    if not tracks and any(found.frames.values()):
+        raise InputError(
+            f"{name}: nobody in it has two keypoints that are seen and apart.",
+            "Detect again, or lower the detector's least confidence.",
+        )
     if not tracks:
         raise InputError(f"{name} holds no person.", "Is it the output of a pose detector?")
     if not 0 <= person < len(tracks):

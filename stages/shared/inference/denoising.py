@@ -19,6 +19,7 @@ from stages.shared.solve.robust_smoothing import mend_poses
 
 LONG_GAP_S = 0.3  # a stretch without a usable frame that is longer than this is filled by the models
 _CHANGED = 1e-6  # quaternions and metres: less is rounding
+MENDING = ("mend", "latent")  # methods that find what is noisy; the others filter all frames
 _LEAST_KNOWN = 2  # frames between which the models fill
 
 
@@ -43,7 +44,8 @@ class Denoised:
 
 @dataclass(frozen=True)
 class DenoiseOptions:
-    """method: "mend", or a name of `FILTERS`. width: of a filter. strength: 0 to 1. seed: of the filling."""
+    """method: "mend", "latent" (mending, then `refine`), or a name of `FILTERS`. width: of a filter. strength: 0 to
+    1. seed: of the filling."""
 
     method: str = "mend"
     width: float = 1.0
@@ -80,9 +82,9 @@ def denoise_motion(
     filled = np.zeros(motion.frames, bool)
     noisy = missing.copy()
     start_local, start_places = (local, places)
-    if options.method == "mend" or missing.any():
+    if options.method in MENDING or missing.any():
         mended = mend_poses(local, places, missing)
-        if options.method == "mend":
+        if options.method in MENDING:
             noisy = mended.noisy
             start_local, start_places = mended.local, mended.positions
             unusable = mended.frames
@@ -102,7 +104,7 @@ def denoise_motion(
             start_places = np.where(filled[:, None], positions_in(made), start_places)
         else:
             filled[:] = False
-    if options.method != "mend":
+    if options.method not in MENDING:
         chosen = FILTERS[options.method]
         start_local = filter_rotations(start_local, motion.fps, chosen, options.width)
         start_places = chosen(np.asarray(start_places, np.float64), motion.fps, options.width)

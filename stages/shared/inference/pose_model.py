@@ -28,7 +28,7 @@ from stages.shared.pose_tasks.task import PoseTask
 class PoseModel:
     """A trained network, and the task and the rig that it is for.
 
-    window: frames of a training window, and of a window in use.
+    window: frames of a training window, and of a window in use. minutes, steps: of its last training; 0 if not known.
     """
 
     network: PoseNetwork
@@ -38,6 +38,8 @@ class PoseModel:
     trained_on: str
     digest: str
     device: torch.device
+    minutes: float = 0.0
+    steps: int = 0
 
     @property
     def rig(self) -> Rig:
@@ -52,8 +54,8 @@ class PoseModel:
         return made.to(torch.device("cpu"))
 
 
-def load_pose_model(path: str | Path, tasks: str | tuple[str, ...], device: str = "auto") -> PoseModel:
-    """The network of a checkpoint that `pumps train finetune` wrote for a task, or for one of several.
+def load_pose_model(path: str | Path, tasks: str | tuple[str, ...] | None, device: str = "auto") -> PoseModel:
+    """The network of a checkpoint that `pumps train finetune` wrote for a task, one of several, or any (None).
 
     Raises: InputError if the checkpoint is of another kind or for another task.
     """
@@ -61,10 +63,11 @@ def load_pose_model(path: str | Path, tasks: str | tuple[str, ...], device: str 
     kept = read_checkpoint(artefact, optimiser=False)
     config = kept.config
     tasks = (tasks,) if isinstance(tasks, str) else tasks
-    mend = f"Give the folder that `pumps train finetune --task {tasks[0]}` wrote."
+    wanted = f" --task {tasks[0]}" if tasks else ""
+    mend = f"Give the folder that `pumps train finetune{wanted}` wrote."
     if config.get("network") != "pose" or config.get("kind") not in NETWORKS:
         raise InputError(f"{path} holds no network that was fine-tuned for a task.", mend)
-    if config.get("task") not in tasks:
+    if tasks is not None and config.get("task") not in tasks:
         raise InputError(f"{path} holds a network for the task {config.get('task')!r}, not {tasks[0]}.", mend)
     made = task_named(config["task"], Rig.of_plain(config.get("rig")), str(config.get("corruption")))
     outputs = outputs_of(made.rig.body)
@@ -84,6 +87,8 @@ def load_pose_model(path: str | Path, tasks: str | tuple[str, ...], device: str 
         last_sentence(kept.trainings),
         artefact.manifest.digest,
         chosen,
+        kept.trainings[-1].minutes if kept.trainings else 0.0,
+        kept.trainings[-1].steps if kept.trainings else 0,
     )
 
 

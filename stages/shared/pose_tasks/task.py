@@ -1,11 +1,13 @@
 """The interface of a task in pose space (PUMPS 5): what a network sees of clean windows of one rig, and shall return.
 
-A new task is a subclass of `PoseTask` with `features` and `draw`, named in `registry.py`. Training, loss, validation
-and checkpoints are the same for all (`stages.shared.training.pose_training`).
+A new task is a subclass of `PoseTask` with `features` and `draw`, named in `registry.py` or by an entry point.
+Training, loss, validation and checkpoints are the same for all (`stages.shared.training.pose_training`), and
+`pumps measure task` makes its table. docs/training.md shows a whole task.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +18,7 @@ import torch
 from torch import Tensor
 
 from data_schemas.errors import UsageError
-from stages.shared.kinematics.rotations import aligned_signs
+from stages.shared.kinematics.rotations import aligned_signs, turns_between
 from stages.shared.pointcloud.rig import Rig
 from stages.shared.pose_tasks.body_pose import BodyPose
 
@@ -90,13 +92,17 @@ class PoseTask(ABC):
         return {"position": mean_norm(apart, batch.valid), "quaternion": mean_norm(turned, batch.valid)}
 
     def measures(self, made: BodyPose, batch: TaskBatch) -> dict[str, float]:
-        """What validation reports; the first selects the best weights. `mpjpe_mm`; `acceleration_mm`, mm/frame^2."""
+        """What validation and `pumps measure task` report; the first selects the best weights. `mpjpe_mm`;
+        `mpjve_mm`, mm/frame; `acceleration_mm`, mm/frame^2; `mpjae_deg`, degrees."""
         body = self.rig.body
         apart = made.heads(body) - batch.target.heads(body)
-        bends = apart[:, 2:] - 2 * apart[:, 1:-1] + apart[:, :-2]
+        steps = apart[:, 1:] - apart[:, :-1]
+        turns = turns_between(batch.target.rotations, made.rotations)
         return {
             "mpjpe_mm": 1000 * float(mean_norm(apart, batch.valid)),
-            "acceleration_mm": 1000 * float(mean_norm(bends, batch.valid[:, 2:])),
+            "mpjve_mm": 1000 * float(mean_norm(steps, batch.valid[:, 1:])),
+            "acceleration_mm": 1000 * float(mean_norm(steps[:, 1:] - steps[:, :-1], batch.valid[:, 2:])),
+            "mpjae_deg": math.degrees(float(mean_norm(turns, batch.valid))),
         }
 
 

@@ -8,4 +8,5 @@ RETARGETING = "retargeting"
 RECONSTRUCTION = "reconstruction"
 DENOISING = "denoising"
 ESTIMATION = "estimation"
-OF_PAGES = (DENOISING, ESTIMATION)  # no filling: a metrics artefact of these is shown as its page
+POSE_TASK = "pose task"  # of any name, by `pumps measure task`
+OF_PAGES = (DENOISING, ESTIMATION, POSE_TASK)  # no filling: a metrics artefact of these is shown as its page

@@ -18,7 +18,10 @@ class Config(TrainingConfig):
     """Fine-tune the synthesiser for a task in one rig's pose space: denoise, or another (PUMPS 5)."""
 
     learning_rate: float = Field(5e-4, json_schema_extra=OFTEN, description="Highest learning rate.")
-    task: str = Field(json_schema_extra=OFTEN, description="What to learn: denoise, repair, estimate or trackers.")
+    task: str = Field(
+        json_schema_extra=OFTEN,
+        description="What to learn: denoise, repair, estimate, trackers, or a task of an installed package.",
+    )
     skeleton: str = Field(
         description="The rig: a BVH with at least one frame. FILE.zip!MEMBER reads from an archive."
     )

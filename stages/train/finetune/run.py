@@ -49,7 +49,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "network": "pose",
             "kind": config.network,
             "settings": settings,
-            "task": task.name,
+            "task": config.task,  # the name by which it is found, also that of an entry point
             "corruption": task.corruption,
             "features": task.features,
             "rig": rig.plain(),

@@ -5,60 +5,35 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from stages.shared.inference.models import Autoencoder
 from stages.shared.kinematics.device import onto
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import interpolate_known
+from stages.shared.training.frozen_autoencoder import FrozenAutoencoder, mean_squares
 from stages.shared.training.task import step_generator
 from stages.train.lms.config import Config
 from stages.train.lms.fill_batch import FillBatch
 from stages.train.lms.kept_windows import LatentBatch
 
 _IDENTITIES = 7  # the purpose of the generators
-# Clouds encoded in one call: many for a GPU, on a CPU as many as fit in its caches.
-_FRAMES_AT_ONCE = {"cuda": 32768}
-_FRAMES_AT_ONCE_CPU = 4096
 
 
-class WindowEncoder:
+class WindowEncoder(FrozenAutoencoder):
     """The frozen autoencoder of a training, on its device."""
 
     def __init__(self, config: Config, autoencoder: Autoencoder, device: torch.device):
-        self.config, self.device = config, device
-        self.encoder = autoencoder.encoder.to(device).eval().requires_grad_(False)
-        self.decoder = autoencoder.decoder.to(device).eval().requires_grad_(False)
-        self.window = autoencoder.window
-
-    def _encode_frames(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
-        """points (N, P, 3), groups (N, P) -> latents, centroids; no gradient."""
-        with torch.no_grad(), precision(self.device, self.config.mixed_precision):
-            count = _FRAMES_AT_ONCE.get(self.device.type, _FRAMES_AT_ONCE_CPU)
-            parts = [self.encoder(*part) for part in zip(points.split(count), groups.split(count), strict=True)]
-        return torch.cat([latents for latents, _ in parts]), torch.cat([centroids for _, centroids in parts])
+        parts = (autoencoder.encoder, autoencoder.decoder, autoencoder.window)
+        super().__init__(*parts, device, config.mixed_precision)
+        self.config = config
 
     def _encode_into(self, latents: Tensor, centroids: Tensor, points: Tensor, groups: Tensor, rows: Tensor) -> None:
         """Encode frames `rows` (N,), counted over all windows, of points (B, T, P, 3); write the results into latents
         (B, T, D) and centroids (B, T, 3)."""
         clouds = onto(points, self.device).flatten(0, 1)[rows]
-        found = self._encode_frames(clouds, groups[rows])
+        found = self.encode_frames(clouds, groups[rows])
         for whole, part in zip((latents, centroids), found, strict=True):
             whole.flatten(0, 1)[rows] = part
-
-    def decode(self, latents: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
-        """Clouds (B, T, P, 3) of latents (B, T, D), in pieces as long as the decoder was trained on."""
-        batch, frames, _ = latents.shape
-        length = min(self.window, frames)
-        spare = -frames % length
-        pieces = (frames + spare) // length
-        latents, centroids = (
-            functional.pad(part, (0, 0, 0, spare)).view(batch * pieces, length, -1) for part in (latents, centroids)
-        )
-        times = torch.arange(float(length), device=latents.device).unsqueeze(0)
-        groups, noise = groups.repeat_interleave(pieces, 0), noise.repeat_interleave(pieces, 0)
-        made = self.decoder(latents, centroids, times, groups, noise)
-        return made.view(batch, pieces * length, -1, 3)[:, :frames]
 
     def encode(self, batch: FillBatch) -> LatentBatch:
         """Latents of a batch and of its base, and the decoded clouds of both."""
@@ -95,8 +70,3 @@ class WindowEncoder:
         if batch.step < 0:
             return torch.Generator(device=self.device).manual_seed(0)
         return step_generator(self.config.seed, _IDENTITIES, batch.step, batch.rows, self.device)
-
-
-def mean_squares(clouds: Tensor, others: Tensor) -> Tensor:
-    """Mean over points of squared distances, (B, T) square metres, of clouds (B, T, P, 3)."""
-    return (clouds - others).square().sum(-1).mean(-1)

@@ -15,12 +15,13 @@ from torch import Tensor
 from stages.shared.inference.models import Autoencoder
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
+from stages.shared.training.frozen_autoencoder import mean_root, mean_squares
 from stages.shared.training.task import Drawer, TrainingTask
 from stages.shared.training.unfinished import Unfinished
 from stages.shared.training.windows import WindowPool
 from stages.train.lms.config import Config
 from stages.train.lms.drawing import EncodingDrawer, FillDrawer, held_back_batches
-from stages.train.lms.encoding import WindowEncoder, mean_squares
+from stages.train.lms.encoding import WindowEncoder
 from stages.train.lms.fill_batch import FillBatch, KeptBatch
 from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
 
@@ -87,8 +88,8 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
             clouds = self.frozen.decode(made[0], made[1], batch.groups, batch.identities)
         errors = [
             {
-                "cloud": _mean_root(squares, _LEAST_M, missing),
-                "latent": _mean_root((guess - latents).square().mean(-1), _LEAST_LATENT, missing),
+                "cloud": mean_root(squares, _LEAST_M, missing),
+                "latent": mean_root((guess - latents).square().mean(-1), _LEAST_LATENT, missing),
             }
             for squares, guess in (
                 (mean_squares(clouds, batch.true_clouds), made[0]),
@@ -123,9 +124,3 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
         shares = {name: float(made / base) for name, (made, base) in sums.items()}
         clouds = [share for name, share in shares.items() if name.startswith("cloud")]
         return {"score": float(np.mean(clouds)), **shares}
-
-
-def _mean_root(square: Tensor, least: float, missing: Tensor) -> Tensor:
-    """Mean over missing frames (B, T) of the roots of mean squares (B, T); below `least` its slope falls to zero."""
-    root = (square + least**2).sqrt() - least
-    return (root * missing).sum() / missing.sum().clamp_min(1)

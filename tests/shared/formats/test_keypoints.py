@@ -157,6 +157,7 @@ BAD = {
     "too few points": (
         coco_results([person("coco17") * np.r_[np.ones(4), np.zeros(13)][:, None]]), {}, "no frame has",
     ),
+    "a person without a point": (coco_results([0 * person("coco17")]), {}, "nobody in it has two keypoints"),
     "nobody": (b'{"people": []}', {}, "holds no person"),
     "no frames": (b'{"annotations": []}', {}, "holds no frame"),
     "points of a mouse": (

@@ -8,20 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from data_schemas.artefact import write_artefact
 from data_schemas.checkpoint import read_checkpoint
-from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError, UsageError
-from data_schemas.motion import MotionWriter
 from data_schemas.tpc import TpcReader
 from stages.denoise.config import Config as DenoiseConfig
 from stages.denoise.run import run as denoise
 from stages.measure.denoise.config import Config as MeasureConfig
 from stages.measure.denoise.run import run as measure
-from stages.sample_tpc.config import Config as SampleConfig
-from stages.sample_tpc.run import run as sample
-from stages.shared.formats.bvh import read_bvh
-from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.rig_file import rig_of_file
 from stages.shared.inference.pose_model import load_pose_model
 from stages.shared.pose_tasks.body_pose import outputs_of
@@ -31,35 +24,19 @@ from stages.shared.training.task import step_random
 from stages.train.finetune.config import Config
 from stages.train.finetune.run import run, started_network
 from tests.shared.training.tiny_clouds import write_clouds
-
-RIG = "stages/shared/clips/walk.bvh"
-SIZES = {"width": 24, "heads": 2, "key_layers": 1, "fill_layers": 1, "frame_layers": 1}
+from tests.train.finetune.rig_clouds import RIG, SMALL, write_rig_clouds
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three of the embedded clips, of which one is for tests, and their clouds."""
     made = tmp_path_factory.mktemp("finetune")
-    with (
-        write_artefact(made / "motion", "motion", stage="test", config={}, licences=["zlib"]) as draft,
-        MotionWriter(draft.folder) as writer,
-    ):
-        for name, split in (("walk", "train"), ("run", "val"), ("dance_a", "test")):
-            path = Path(f"stages/shared/clips/{name}.bvh")
-            skeleton, motion, _ = motion_of(read_bvh(path.read_bytes(), path.name))
-            seconds, own = motion.frames / motion.fps, writer.add_skeleton(skeleton)
-            row = ClipRow(name, f"{name}.bvh", "0" * 64, own, motion.frames, motion.fps, seconds, split, "zlib")
-            writer.add_clip(row, motion)
-    sample(SampleConfig(motion=made / "motion", output=made / "tpc", points=32))
+    write_rig_clouds(made)
     return made
 
 
 def small(folder: Path, name: str, **others) -> Config:
-    values = {
-        "task": "denoise", "skeleton": RIG, "tpc": folder / "tpc", "output": folder / name, "from_": "scratch",
-        "steps": 4, "batch": 2, "window": 24, "warmup": 2, "validate_every": 4, "device": "cpu", "overwrite": True,
-        "synthesiser": SIZES, "latent_width": 16, "average": 0.5,
-    }  # fmt: skip
+    values = {"task": "denoise", "skeleton": RIG, "tpc": folder / "tpc", "output": folder / name, **SMALL}
     return Config(**(values | others))
 
 

@@ -1,0 +1,62 @@
+"""A trained autoencoder that stays as it is while another network learns on its latents."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from stages.shared.networks.layers.device import precision
+from stages.shared.networks.pumps.cloud_decoder import CloudDecoder
+from stages.shared.networks.pumps.frame_encoder import FrameEncoder
+
+# Clouds encoded in one call: many for a GPU, on a CPU as many as fit in its caches.
+_FRAMES_AT_ONCE = {"cuda": 32768}
+_FRAMES_AT_ONCE_CPU = 4096
+
+
+class FrozenAutoencoder:
+    """The encoder and the decoder on a training's device, without gradients of their own.
+
+    window: frames of the decoder's training windows, and of the pieces in which it decodes.
+    """
+
+    def __init__(
+        self, encoder: FrameEncoder, decoder: CloudDecoder, window: int, device: torch.device, mixed_precision: bool
+    ):
+        self.device, self.mixed_precision, self.window = device, mixed_precision, window
+        self.encoder = encoder.to(device).eval().requires_grad_(False)
+        self.decoder = decoder.to(device).eval().requires_grad_(False)
+
+    def encode_frames(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
+        """points (N, P, 3), groups (N, P) -> latents (N, D), centroids (N, 3); no gradient."""
+        with torch.no_grad(), precision(self.device, self.mixed_precision):
+            count = _FRAMES_AT_ONCE.get(self.device.type, _FRAMES_AT_ONCE_CPU)
+            parts = [self.encoder(*part) for part in zip(points.split(count), groups.split(count), strict=True)]
+        return torch.cat([latents for latents, _ in parts]), torch.cat([centroids for _, centroids in parts])
+
+    def decode(self, latents: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
+        """Clouds (B, T, P, 3) of latents (B, T, D), in pieces as long as the decoder was trained on."""
+        batch, frames, _ = latents.shape
+        length = min(self.window, frames)
+        spare = -frames % length
+        pieces = (frames + spare) // length
+        latents, centroids = (
+            functional.pad(part, (0, 0, 0, spare)).view(batch * pieces, length, -1) for part in (latents, centroids)
+        )
+        times = torch.arange(float(length), device=latents.device).unsqueeze(0)
+        groups, noise = groups.repeat_interleave(pieces, 0), noise.repeat_interleave(pieces, 0)
+        made = self.decoder(latents, centroids, times, groups, noise)
+        return made.view(batch, pieces * length, -1, 3)[:, :frames]
+
+
+def mean_squares(clouds: Tensor, others: Tensor) -> Tensor:
+    """Mean over points of squared distances, (B, T) square metres, of clouds (B, T, P, 3)."""
+    return (clouds - others).square().sum(-1).mean(-1)
+
+
+def mean_root(square: Tensor, least: float, wanted: Tensor) -> Tensor:
+    """Mean over the wanted frames (B, T) of the roots of mean squares (B, T); below `least` its slope falls to
+    zero."""
+    root = (square + least**2).sqrt() - least
+    return (root * wanted).sum() / wanted.sum().clamp_min(1)

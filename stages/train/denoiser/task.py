@@ -1,0 +1,95 @@
+"""Training a denoiser of latents: latents of noisy or mended windows in, latents of the clean windows out.
+
+The network is the synthesiser of trained weights, every frame of which is refined (`LatentSynthesiser.refine`). Its
+output layer starts at zero, so that training starts at what the motion is. The loss is that of `pumps train lms`: the
+distance of the clouds that the frozen decoder makes of its latents and of the clean ones.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from stages.shared.inference.models import Models
+from stages.shared.kinematics.device import onto
+from stages.shared.networks.layers.attention import clear_linear
+from stages.shared.networks.layers.device import precision
+from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
+from stages.shared.training.frozen_autoencoder import FrozenAutoencoder, mean_root, mean_squares
+from stages.shared.training.task import Drawer, TrainingTask, step_generator
+from stages.shared.training.windows import WindowPool
+from stages.train.denoiser.config import Config
+from stages.train.denoiser.drawing import NoisyBatch, NoisyDrawer, held_back_batches
+from stages.train.denoiser.noisy_windows import NO_NOISE
+
+_LEAST_M, _UNIT_M, _LEAST_LATENT = 0.005, 0.05, 0.1  # as in `pumps train lms`
+_IDENTITIES = 14  # the purpose of the generators
+
+
+class DenoiserTask(TrainingTask[LatentSynthesiser]):
+    """Training the denoiser behind a frozen autoencoder."""
+
+    def __init__(self, config: Config, models: Models, pool: WindowPool, held_back: WindowPool, device: torch.device):
+        self.config, self.device = config, device
+        coder = models.autoencoder
+        self.frozen = FrozenAutoencoder(coder.encoder, coder.decoder, coder.window, device, config.mixed_precision)
+        self.networks = models.synthesiser.to(device).requires_grad_(True)
+        clear_linear(self.networks.out)
+        self._drawer = NoisyDrawer(config, pool)
+        self.held_back = held_back_batches(config, held_back)
+
+    def drawer(self, *, elsewhere: bool = False) -> Drawer:
+        return self._drawer
+
+    def splits(self) -> bool:
+        return True
+
+    def weight(self, batch: NoisyBatch, rows: int) -> float:
+        """The loss is a mean over real frames."""
+        return float(batch.valid.sum())
+
+    def loss(self, batch: NoisyBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
+        made, start = self._errors(batch)
+        value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
+        return value, {f"{name}_of_start": (made[name] / start[name].clamp_min(1e-6)).detach() for name in made}
+
+    def validate(self) -> dict[str, float]:
+        """For each noise the distance of the decoded clouds from those of the clean latents, mm, of the network's
+        latents and of those that it starts from; `score` is the mean over noises of the former."""
+        figures: dict[str, float] = {}
+        for noise, batch in self.held_back.items():
+            made, start = self._errors(batch)
+            figures[f"{noise}_mm"] = 1000 * float(made["cloud"].detach())
+            if noise != NO_NOISE:
+                figures[f"{noise}_mm_of_start"] = 1000 * float(start["cloud"])
+        means = [value for name, value in figures.items() if name.endswith("_mm")]
+        return {"score": sum(means) / len(means), **figures}
+
+    def _errors(self, batch: NoisyBatch) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """Real frames' mean errors, scalars, of the network's latents and of those it starts from: `cloud`, metres,
+        and `latent`."""
+        valid, groups = onto(batch.valid, self.device), onto(batch.groups, self.device)
+        clean, start = (self._encoded(onto(part, self.device), groups) for part in (batch.points, batch.start))
+        rows = batch.rows or tuple(range(len(valid)))
+        random = step_generator(self.config.seed, _IDENTITIES, max(batch.step, 0), rows, self.device)
+        identities = self.frozen.decoder.draw_noise(len(valid), groups.shape[1], random)
+        times = torch.arange(float(valid.shape[1]), device=self.device).unsqueeze(0)
+        with precision(self.device, self.config.mixed_precision):
+            with torch.no_grad():
+                truth, before = (self.frozen.decode(*each, groups, identities) for each in (clean, start))
+            made = self.networks.refine(*start, valid, times, valid)
+            after = self.frozen.decode(*made, groups, identities)
+        found = [
+            {
+                "cloud": mean_root(mean_squares(cloud, truth), _LEAST_M, valid),
+                "latent": mean_root((latents - clean[0]).square().mean(-1), _LEAST_LATENT, valid),
+            }
+            for cloud, latents in ((after, made[0]), (before, start[0]))
+        ]
+        return found[0], found[1]
+
+    def _encoded(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
+        """Latents (B, T, D) and centroids (B, T, 3) of clouds (B, T, P, 3)."""
+        batch, frames = points.shape[:2]
+        latents, centroids = self.frozen.encode_frames(points.flatten(0, 1), groups.repeat_interleave(frames, 0))
+        return latents.unflatten(0, (batch, frames)), centroids.unflatten(0, (batch, frames))
