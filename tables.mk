@@ -23,6 +23,9 @@ BODY_PARTS_WINDOWS ?= 200
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
+RECIPE_figures = table1
+GOAL_figures = $(GOAL:%=%-)figures
+WITH_figures = $(WITH_table1)
 WITH_table3 = --with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)'
 WITH_table4 = --with 'steps=$(TABLE4_STEPS)' --with 'windows=$(TABLE4_WINDOWS)'
 WITH_latent-report = --with 'weights=$(LATENT_WEIGHTS)'
@@ -36,7 +39,7 @@ WITH_held-out = --with 'weights=$(HELD_OUT_WEIGHTS)' --with 'windows=$(HELD_OUT_
 WITH_unseen-rigs = $(WITH_held-out) --with 'rigs=$(RIGS)'
 WITH_lifter = --with 'initial=$(INITIAL)'
 
-table1 table2 table3 table4 latent-report solve-report solve-pages held-out unseen-rigs lifter: install
+table1 figures table2 table3 table4 latent-report solve-report solve-pages held-out unseen-rigs lifter: install
 	$(call made,$(or $(RECIPE_$@),$@),$(GOAL_$@),$(WITH_$@),$(UNTIL_SLICE))
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))
