@@ -10,7 +10,7 @@ from stages.shared.markup import Markup, markup
 from stages.shared.statistics.measurements import TRUTH
 
 _NAMED = ("second", "third", "fourth", "fifth")  # colours of page.css
-_TURN_DEG = 137.5  # between the hues of two other methods
+_TURN_DEG = 137.5  # between the hues of two other methods, which are all of one lightness
 LOG_SPAN = 6.0  # lines that span more than this factor are drawn on a logarithmic axis
 
 
@@ -74,4 +74,4 @@ def method_colour(number: int) -> Markup:
     truth comes first."""
     if number < len(_NAMED):
         return markup("var(--{})", _NAMED[number])
-    return markup("hsl({:.0f} 60% 50%)", round((number + 1) * _TURN_DEG) % 360)
+    return markup("oklch(64% 0.15 {})", round((number + 1) * _TURN_DEG) % 360)

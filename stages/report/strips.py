@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stages.report.line_charts import method_colour
 from stages.shared.markup import Markup, joined, markup
 
 POSES = 7
@@ -36,9 +37,14 @@ class Palette(NamedTuple):
 
 PAPER = Palette()  # of a picture file
 PAGE = Palette(  # of a picture in a page, which may be light or dark
-    paper="none", truth="var(--grid)", key="var(--key)", note="var(--dim)", ground="var(--rule)", title="var(--text)",
-    methods=("var(--fourth)", "var(--left)", "var(--third)", "var(--second)"),
-)  # fmt: skip
+    "none",
+    "var(--grid)",
+    "var(--key)",
+    tuple(map(method_colour, range(40))),
+    "var(--dim)",
+    "var(--rule)",
+    "var(--text)",
+)
 MILLIMETRES = 1000.0
 
 

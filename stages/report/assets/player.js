@@ -8,7 +8,7 @@ const FEW_MOTIONS = 4; // that a phone shows at first, if there are more: the fi
 // The colour of the motion with this number as CSS; those beyond the named ones turn around the circle of hues.
 function motionColour(number) {
   if (number < MOTION_COLOURS.length) return `var(${MOTION_COLOURS[number]})`;
-  return `hsl(${Math.round(number * 137.5) % 360} 60% 50%)`;
+  return `oklch(64% 0.15 ${Math.round(number * 137.5) % 360})`;
 }
 
 // Millimetres, with a tenth where they are few.
