@@ -2,7 +2,7 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
-# make table1      PUMPS Table 1: eight methods trained on each of two rigs, BUDGET=12 minutes each, WINDOWS=40 of each kind of
+# make table1      PUMPS Table 1: eight methods trained on each of two rigs, BUDGET=12 minutes each, WINDOWS=30 of each kind of
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make figures     table1 as one page for each rig: error against gap, spectra, film strips, all methods in sync
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
