@@ -2,8 +2,9 @@
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
 #                  COMPARE='tiny' measures and plays shipped weights beside those trained
-# make table1      PUMPS Table 1: eight methods trained on each of two rigs, BUDGET=12 minutes each, WINDOWS=40 of each kind of
+# make table1      PUMPS Table 1: eight methods trained on each of two rigs, BUDGET=12 minutes each, WINDOWS=30 of each kind of
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
+# make figures     table1 as one page for each rig: error against gap, spectra, film strips, all methods in sync
 # make table2      PUMPS Table 2: the autoencoder and six that differ from it in one thing each
 # make table3      PUMPS Table 3: motion from 2D keypoints, by the synthesiser and by other networks; TABLE3_STEPS=400
 # make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
@@ -59,7 +60,7 @@ SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev demo reproduce fill table1 figures table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -97,7 +98,7 @@ R := $(RUNS)/$(or $(RUN),mine)
 ifneq (,$(wildcard $(R)/run.mk))
 include $(R)/run.mk
 else
-run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-table1 run-table2 run-table3 run-table4:
+run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-figures run-bandai-figures run-g1-figures run-table1 run-table2 run-table3 run-table4:
 	@test -f $(R)/run.mk || { echo '$(R)/run.mk is not there; the target that makes the run writes it.' >&2; exit 2; }
 endif
 

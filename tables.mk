@@ -9,7 +9,7 @@ RIGS   ?= stages/shared/clips
 LATENT_WEIGHTS ?= tiny
 SOLVE_CLIPS    ?= 40
 BUDGET ?= 12
-WINDOWS ?= 40
+WINDOWS ?= 30
 GOAL   ?=
 TABLE3_STEPS   ?= 400
 TABLE4_STEPS   ?= 300
@@ -26,6 +26,9 @@ BODY_PARTS_WINDOWS ?= 200
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
+RECIPE_figures = table1
+GOAL_figures = $(GOAL:%=%-)figures
+WITH_figures = $(WITH_table1)
 # Curves of error against minutes of training: three trainings each, of a quarter, half and all of CURVE_MINUTES.
 WITH_CURVE = $(shell awk 'BEGIN { printf "--with quarter-minutes=%g --with half-minutes=%g --with whole-minutes=%g", $(CURVE_MINUTES) / 4, $(CURVE_MINUTES) / 2, $(CURVE_MINUTES) }')
 WITH_table3 = $(WITH_CURVE) --with 'steps=$(TABLE3_STEPS)' --with 'half=$(shell expr $(TABLE3_STEPS) / 2)'
@@ -46,7 +49,7 @@ WITH_held-out = --with 'weights=$(HELD_OUT_WEIGHTS)' --with 'windows=$(HELD_OUT_
 WITH_unseen-rigs = $(WITH_held-out) --with 'rigs=$(RIGS)'
 WITH_lifter = --with 'initial=$(INITIAL)'
 
-table1 table2 table3 table4 table-trackers latent-report solve-report solve-pages held-out unseen-rigs lifter: install
+table1 figures table2 table3 table4 table-trackers latent-report solve-report solve-pages held-out unseen-rigs lifter: install
 	$(call made,$(or $(RECIPE_$@),$@),$(GOAL_$@),$(WITH_$@),$(UNTIL_SLICE))
 pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report: install
 	$(call made,pcmrl,$(patsubst pcmrl-%,%,$(@:rig-report=rigs)))

@@ -19,5 +19,7 @@ KINDS: dict[str, Kind] = {
     "mesh": Kind(1, "sequences of meshes of one connectivity, as bones or as vertices: meshes.h5 and clips.parquet"),
     "checkpoint": Kind(2, "a trained network: model.safetensors, config.json, log.parquet, MODEL_CARD.md"),
     "concepts": Kind(1, "motions as anchors and splines between them: concepts.h5 and the index clips.parquet"),
-    "metrics": Kind(2, "an evaluation: metrics.parquet, one row per clip, method, task and metric, and summary.md"),
+    "metrics": Kind(
+        3, "an evaluation: metrics.parquet, one row per clip, method, task and metric; summary.md; perhaps fills.h5"
+    ),
 }

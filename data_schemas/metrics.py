@@ -1,4 +1,6 @@
-"""The `metrics` artefact: an evaluation. `metrics.parquet`, one row per value, and `summary.md` for people."""
+"""The `metrics` artefact: an evaluation. `metrics.parquet`, one row per value, and `summary.md` for people.
+
+It may also keep the filled windows (`data_schemas.fills`)."""
 
 from __future__ import annotations
 

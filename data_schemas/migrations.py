@@ -115,6 +115,12 @@ def _metrics_1_to_2(source: Path, target: Path) -> None:
     pq.write_table(pa.Table.from_pylist(rows, schema=table.schema), target / "metrics.parquet")
 
 
+def _metrics_2_to_3(source: Path, target: Path) -> None:
+    """Version 3 may keep the filled windows; older artefacts have none."""
+    for path in source.iterdir():
+        carry_over(source, target, path.name)
+
+
 def _checkpoint_1_to_2(source: Path, target: Path) -> None:
     """Version 2 lists the data of every training as fields (`data_schemas.trainings`); before, each training and the
     whole had a sentence about them, `trained_on`. Weights that listed no training get one, made from their log."""
@@ -185,5 +191,6 @@ MIGRATIONS: dict[tuple[str, int], Migration] = {
     ("tpc", 2): _tpc_2_to_3,
     ("latent", 1): _clips_1_to_2,
     ("metrics", 1): _metrics_1_to_2,
+    ("metrics", 2): _metrics_2_to_3,
     ("checkpoint", 1): _checkpoint_1_to_2,
 }

@@ -82,17 +82,7 @@ class MotionWriter(ClipWriter):
         name = skeleton_id(skeleton)
         if name in self._joints:
             return name
-        group = self._skeletons.create_group(name)
-        write_text(group, "names", "\n".join(skeleton.names))
-        write_text(group, "header", skeleton.header)
-        group.create_dataset("parents", data=np.asarray(skeleton.parents, np.int32))
-        group.create_dataset("offsets", data=np.asarray(skeleton.offsets, np.float64))
-        group.create_dataset("tails", data=np.asarray(skeleton.tails, np.float64))
-        group.create_dataset("groups", data=np.asarray(skeleton.groups, np.int8))
-        group.create_dataset("sampled", data=np.asarray(skeleton.sampled, np.uint8))
-        group.attrs["root"] = int(skeleton.root)
-        group.attrs["unit_m"] = float(skeleton.unit_m)
-        group.attrs["up_axis"] = skeleton.up_axis
+        write_skeleton(self._skeletons.create_group(name), skeleton)
         self._joints[name] = skeleton.joints
         return name
 
@@ -139,7 +129,7 @@ class MotionReader(ClipReader):
                 stored = group_in(self._file, "skeletons")
                 if name not in tuple(stored):
                     raise InputError(f"{self.artefact.path} has no skeleton {name!r}.")
-                self._known[name] = _read_skeleton(group_in(stored, name))
+                self._known[name] = read_skeleton(group_in(stored, name))
         return self._known[name]
 
     def motion(self, clip: str, start: int = 0, stop: int | None = None) -> Motion:
@@ -177,7 +167,22 @@ def _read_tracks(group: h5py.Group, row: ClipRow, window: slice) -> dict[str, np
     return {"track_joints": joints, "tracks": tracks.astype(np.float32, copy=False)}
 
 
-def _read_skeleton(group: h5py.Group) -> Skeleton:
+def write_skeleton(group: h5py.Group, skeleton: Skeleton) -> None:
+    """Store a skeleton in an empty group."""
+    write_text(group, "names", "\n".join(skeleton.names))
+    write_text(group, "header", skeleton.header)
+    group.create_dataset("parents", data=np.asarray(skeleton.parents, np.int32))
+    group.create_dataset("offsets", data=np.asarray(skeleton.offsets, np.float64))
+    group.create_dataset("tails", data=np.asarray(skeleton.tails, np.float64))
+    group.create_dataset("groups", data=np.asarray(skeleton.groups, np.int8))
+    group.create_dataset("sampled", data=np.asarray(skeleton.sampled, np.uint8))
+    group.attrs["root"] = int(skeleton.root)
+    group.attrs["unit_m"] = float(skeleton.unit_m)
+    group.attrs["up_axis"] = skeleton.up_axis
+
+
+def read_skeleton(group: h5py.Group) -> Skeleton:
+    """Read what `write_skeleton` stored. Raises ValueError for other data."""
     names = read_text(group, "names").split("\n")
     joints = len(names)
     skeleton = Skeleton(

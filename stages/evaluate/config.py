@@ -49,6 +49,10 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     protocol: str = Field(
         "pumps", description="Definitions of the measures: pumps, or lafan1 (those of that benchmark)."
     )
+    keep_fills: bool = Field(
+        False,
+        description="Keep the filled windows of every method in the artefact, for the figures of `pumps report`.",
+    )
     points: int = Field(256, description="Points per cloud.", ge=8)
 
     @field_validator("tasks")

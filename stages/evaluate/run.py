@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
@@ -13,16 +14,19 @@ import numpy as np
 
 from data_schemas.artefact import write_artefact
 from data_schemas.errors import InputError
+from data_schemas.fills import FillsWriter
 from data_schemas.manifest import open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
 from data_schemas.version import code_digest
 from stages.evaluate.config import Config
+from stages.evaluate.kept_fills import check_size, kept_batch
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
 from stages.evaluate.methods import Loaded, Made, load_all, methods_for
 from stages.evaluate.summary import summary_md
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import window_seams
+from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.categories import named
@@ -111,31 +115,35 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     check_artefact(config, "metrics")
     motion = open_artefact(config.motion, "motion")
-    with MotionReader(motion) as reader:
-        loaded = load_all(config)
+    loaded = load_all(config)
+    inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
+    with (
+        MotionReader(motion) as reader,
+        write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft,
+    ):
         trained_on = [data for weights in loaded for data in weights.trained_on()] if config.unseen else None
         clips = MeasuredClips(reader, config.splits, config.where, trained_on, named("category", config.category))
         plan = _plan(clips, config)
-        statistics = _Statistics(clips)
         total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
+        if config.keep_fills:
+            motions = {task: 1 + len(methods_for(task, loaded, config)) for _, task, _ in plan}  # and the truth
+            check_size(((window, motions[task]) for _, task, windows in plan for window in windows), reader)
         progress.start("Filling windows", total)
         rows: list[MetricRow] = []
-        spent = Spent()
-        for archive, group in groupby(plan, key=lambda step: step[0]):
-            for _, task, windows in group:
-                tally = _measure_task(clips, task, windows, loaded, statistics, config, spent, progress)
-                rows += _rows(reader, archive, task, tally)
-            clips.forget()
-    found = cells(rows, config.seed)
-    facts = MethodFacts(
-        weights=[_facts(each, clips) for each in loaded],
-        breakdown=config.breakdown,
-        borrowed_statistics=statistics.borrowed,
-    )
-    inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
-    with write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft:
+        with FillsWriter(draft.folder, MODEL_FPS) if config.keep_fills else nullcontext() as fills:
+            measuring = _Measuring(config, clips, loaded, progress, _Statistics(clips), fills)
+            for archive, group in groupby(plan, key=lambda step: step[0]):
+                for _, task, windows in group:
+                    rows += _rows(reader, archive, task, _measure_task(measuring, archive, task, windows))
+                clips.forget()
+        found = cells(rows, config.seed)
+        facts = MethodFacts(
+            weights=[_facts(each, clips) for each in loaded],
+            breakdown=config.breakdown,
+            borrowed_statistics=measuring.statistics.borrowed,
+        )
         draft.summary |= _counts(rows, plan) | facts.model_dump() | {"code": code_digest()}
-        draft.summary["milliseconds_per_frame"] = spent.milliseconds()
+        draft.summary["milliseconds_per_frame"] = measuring.spent.milliseconds()
         write_metrics(draft.folder, rows, summary_md(config, motion, rows, found, facts))
     where = f"Full tables: {config.output}, summary.md (pumps report draws them)."
     lines = [*terminal_lines(found), *feel_lines(found), *pop_lines(rows), where]
@@ -169,33 +177,42 @@ def _plan(clips: MeasuredClips, config: Config) -> list[tuple[str, Task, list[Wi
     return plan
 
 
-def _measure_task(
-    clips: MeasuredClips,
-    task: Task,
-    windows: list[Window],
-    loaded: Sequence[Loaded],
-    statistics: _Statistics,
-    config: Config,
-    spent: Spent,
-    progress: Progress,
-) -> _Tally:
-    tally = _Tally()
-    methods = methods_for(task, loaded, config)
-    for batch in clips.batches(task, windows):
+@dataclass
+class _Measuring:
+    """What all tasks of an evaluation share."""
+
+    config: Config
+    clips: MeasuredClips
+    loaded: Sequence[Loaded]
+    progress: Progress
+    statistics: _Statistics
+    fills: FillsWriter | None
+    spent: Spent = field(default_factory=Spent)
+
+
+def _measure_task(of: _Measuring, archive: str, task: Task, windows: list[Window]) -> _Tally:
+    config, tally = of.config, _Tally()
+    methods = methods_for(task, of.loaded, config)
+    for batch in of.clips.batches(task, windows):
         poses = batch.poses()
         joints = measured_joints(batch.skeleton)
         truth = Truth(poses.positions.numpy(), poses.rotations.numpy(), batch.known, batch.skeleton.root)
         feet = true_feet(batch.skeleton, truth.positions) if config.protocol == "pumps" else None
-        seams = window_seams(len(batch.known), [size for weights in loaded for size in weights.windows])
+        seams = window_seams(len(batch.known), [size for weights in of.loaded for size in weights.windows])
         if config.protocol == "pumps":
             tally.add(batch.windows, TRUTH, feel(truth.positions, truth.rotations, truth, joints, feet, seams=seams))
+        if of.fills is not None:
+            of.fills.begin(kept_batch(archive, task, batch), batch.skeleton, truth.centre()[:, 0, 0])
+            of.fills.add(TRUTH, truth.positions, truth.rotations)
         measured = _MeasuredBatch(truth, batch, joints, feet, seams)
         for method in methods:
             label = f"{method.name}, {task.name} {task.interval}"
             began = time.perf_counter()
-            filled = method.fill(batch, poses, lambda label=label: progress.advance(1, label))
-            spent.add(method.name, time.perf_counter() - began, len(batch.windows) * len(batch.known))
-            tally.add(batch.windows, method.name, _measurements(filled, measured, statistics, config))
+            filled = method.fill(batch, poses, lambda label=label: of.progress.advance(1, label))
+            of.spent.add(method.name, time.perf_counter() - began, len(batch.windows) * len(batch.known))
+            tally.add(batch.windows, method.name, _measurements(filled, measured, of.statistics, config))
+            if of.fills is not None:
+                of.fills.add(method.name, filled.positions, filled.rotations)
     return tally
 
 

@@ -13,6 +13,14 @@ class Config(WritingConfig):
     """One HTML page that opens offline: results, loss curves, motions side by side in 3D."""
 
     metrics: Path | None = Field(None, description="The metrics artefact whose tables are shown.")
+    fills: tuple[Path, ...] = Field(
+        (),
+        description="Metrics artefact of `pumps evaluate --keep-fills`: its windows are played and drawn as film"
+        " strips and spectra. Several are of other methods on the same windows.",
+    )
+    max_windows: int = Field(
+        2, description="Most windows of --fills to play of each archive and task, spread evenly.", ge=1
+    )
     checkpoints: tuple[Path, ...] = Field((), description="Checkpoint artefact whose training log is plotted.")
     motions: tuple[str, ...] = Field(
         (),

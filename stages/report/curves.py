@@ -54,7 +54,7 @@ def _chart(name: str, series: Mapping[str, list[Point]]) -> Markup:
     x_last = max(x for x, _ in everything) or 1
     low, high = min(y for _, y in everything), max(y for _, y in everything)
     logarithmic = low > 0 and high / low > LOG_SPAN
-    ticks = _log_ticks(low, high) if logarithmic else even_ticks(low, high)
+    ticks = log_ticks(low, high) if logarithmic else even_ticks(low, high)
     low, high = min(low, ticks[0]), max(high, ticks[-1])
 
     def place(x: float, y: float) -> tuple[float, float]:
@@ -99,7 +99,8 @@ def even_ticks(low: float, high: float, count: int = 4) -> list[float]:
     return [i * step for i in range(first, math.ceil(high / step) + 1)]
 
 
-def _log_ticks(low: float, high: float) -> list[float]:
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers with even steps of their logarithm, from `low` or less to `high` or more."""
     fine = (1, 2, 5) if high / low < 100 else (1,)
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ticks = [factor * 10.0**decade for decade in decades for factor in fine]

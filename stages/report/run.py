@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
@@ -10,9 +11,12 @@ from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
 from stages.report.config import Config
 from stages.report.curves import curves_html
+from stages.report.filled_windows import FilledWindows
+from stages.report.film_strips import film_strips_html
 from stages.report.results import results_html
 from stages.report.scenes import scenes_of
-from stages.report.strips import strips_svg
+from stages.report.spectra import spectra_html
+from stages.report.strips import farthest, strips_svg
 from stages.shared.contract import StageReport
 from stages.shared.markup import Markup, filled, joined, markup, own_file, script_data
 from stages.shared.outputs import check_file, write_output
@@ -30,13 +34,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         InputError: an artefact or a motion is missing or bad.
         PumpsError: the page cannot be written.
     """
-    if config.metrics is None and not config.checkpoints and not config.motions:
-        raise UsageError("There is nothing to report.", "Give --metrics, --checkpoints or --motions.")
+    if not (config.metrics or config.checkpoints or config.motions or config.fills):
+        raise UsageError("There is nothing to report.", "Give --metrics, --fills, --checkpoints or --motions.")
     check_file(config, (".html", ".htm"))
     if config.picture is not None:
         check_file(config, (".svg",), "picture")
     progress.start("Writing the page", 3)
     scenes = scenes_of(config)
+    filled_windows = _filled_windows(config) if config.fills else _NONE
+    scenes += filled_windows.scenes
     progress.advance(1, "motions")
     metrics = open_artefact(config.metrics, "metrics") if config.metrics else None
     checkpoints = [open_artefact(path, "checkpoint") for path in config.checkpoints]
@@ -49,9 +55,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         player=_asset("player.html") if scenes else "",
         scenes=script_data(scenes),
         results=results_html(metrics) if metrics else "",
+        figures=filled_windows.figures,
         training=joined(_training(checkpoint) for checkpoint in checkpoints),
         origin=_origin(
-            [artefact for artefact in (metrics, *checkpoints) if artefact], _played(config), config.licences
+            [artefact for artefact in (metrics, *filled_windows.artefacts, *checkpoints) if artefact],
+            _played(config),
+            config.licences,
         ),
     )
     progress.advance(1, "page")
@@ -74,7 +83,24 @@ def _picture(scenes: list[dict], config: Config) -> str:
     chosen = [scene for scene in scenes if scene["name"] in config.pictured or not config.pictured]
     if unknown or not chosen:
         raise UsageError(f"No scene is called {unknown[0]!r}." if unknown else "There is no scene to draw.")
-    return strips_svg(chosen)
+    return strips_svg([farthest(chosen)] if config.fills and not config.pictured else chosen)
+
+
+class _FilledWindows(NamedTuple):
+    """What the page shows of the windows that evaluations keep."""
+
+    scenes: list[dict]
+    figures: Markup | str
+    artefacts: list[Artefact]
+
+
+_NONE = _FilledWindows([], "", [])
+
+
+def _filled_windows(config: Config) -> _FilledWindows:
+    with FilledWindows(config.fills) as fills:
+        scenes = fills.scenes(config.max_windows)
+        return _FilledWindows(scenes, joined([spectra_html(fills), film_strips_html(scenes)]), fills.artefacts)
 
 
 def _training(artefact: Artefact) -> Markup:

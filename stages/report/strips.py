@@ -10,19 +10,45 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from stages.report.line_charts import method_colour
 from stages.shared.markup import Markup, joined, markup
 
 POSES = 7
 CELL, HEIGHT, LABEL, HEAD, GAP = 74, 132, 184, 30, 14
 TRUTH_COLOUR, KEY_COLOUR = "#c4c4c4", "#b07a00"
 COLOURS = ("#c2410c", "#1d4ed8", "#15803d", "#7e22ce")
+
+
+class Palette(NamedTuple):
+    """Colours of a picture: the paper, the truth, keys, methods in turn, notes, the ground and titles."""
+
+    paper: str = "#ffffff"
+    truth: str = TRUTH_COLOUR
+    key: str = KEY_COLOUR
+    methods: tuple[str, ...] = COLOURS
+    note: str = "#666666"
+    ground: str = "#dddddd"
+    title: str = "#000000"
+
+
+PAPER = Palette()  # of a picture file
+PAGE = Palette(  # of a picture in a page, which may be light or dark
+    "none",
+    "var(--grid)",
+    "var(--key)",
+    tuple(map(method_colour, range(40))),
+    "var(--dim)",
+    "var(--rule)",
+    "var(--text)",
+)
 MILLIMETRES = 1000.0
 
 
-def strips_svg(scenes: Sequence[dict]) -> Markup:
+def strips_svg(scenes: Sequence[dict], palette: Palette = PAPER) -> Markup:
     """The SVG of scenes as the page has them (`stages.report.scenes`): a row for each scene, a strip for each motion.
 
     The strips of a single scene stand below each other, so that they stay large on a page of text.
@@ -35,15 +61,26 @@ def strips_svg(scenes: Sequence[dict]) -> Markup:
             '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {} {}" width="{}" font-family="sans-serif" '
             'font-size="12">', width, HEAD + rows * (HEIGHT + GAP), width,
         ),
-        markup('<rect width="100%" height="100%" fill="#ffffff"/>'),
+        markup('<rect width="100%" height="100%" fill="{}"/>', palette.paper),
         markup(
-            '<text x="8" y="18" fill="#666666">grey: {}; <tspan fill="{}">amber: keys</tspan></text>',
-            scenes[0]["motions"][0]["name"], KEY_COLOUR,
+            '<text x="8" y="18" fill="{}">grey: {}; <tspan fill="{}">amber: keys</tspan></text>',
+            palette.note, scenes[0]["motions"][0]["name"], palette.key,
         ),
     ]  # fmt: skip
     for row, scene in enumerate(scenes):
-        parts += _scene(scene, HEAD + row * (HEIGHT + GAP), stacked=len(scenes) == 1)
+        parts += _scene(scene, HEAD + row * (HEIGHT + GAP), stacked=len(scenes) == 1, palette=palette)
     return joined([*parts, markup("</svg>\n")], "\n")
+
+
+def farthest(scenes: Sequence[dict]) -> dict:
+    """The scene in whose shown gap the truth travels furthest."""
+    return max(scenes, key=_travelled)
+
+
+def _travelled(scene: dict) -> float:
+    points = _points(scene["motions"][0])
+    first, last = shown_gap(points, scene["keys"])
+    return float(np.linalg.norm(np.diff(points[first : last + 1], axis=0), axis=-1).mean(axis=1).sum())
 
 
 def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
@@ -55,7 +92,7 @@ def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
     return max(gaps, key=lambda gap: travelled[gap[0] : gap[1]].sum())
 
 
-def _scene(scene: dict, top: int, *, stacked: bool) -> list[Markup]:
+def _scene(scene: dict, top: int, *, stacked: bool, palette: Palette) -> list[Markup]:
     truth, *others = scene["motions"]
     true = _points(truth)
     first, last = shown_gap(true, scene["keys"])
@@ -65,22 +102,24 @@ def _scene(scene: dict, top: int, *, stacked: bool) -> list[Markup]:
     floor = scene["floor"]
     scale = min((HEIGHT - 26) / max(span[..., 1].max() - floor, 0.1), 1.25 * CELL / max(np.ptp(span[..., 0]), 0.1))
     detail = scene["detail"]
-    parts = [markup('<text x="8" y="{}" font-weight="600">{}</text>', top + 40, scene["title"])]
-    parts += [markup('<text x="8" y="{}" fill="#666666">{}</text>', top + 56, detail)] if detail else []
+    parts = [
+        markup('<text x="8" y="{}" fill="{}" font-weight="600">{}</text>', top + 40, palette.title, scene["title"])
+    ]
+    parts += [markup('<text x="8" y="{}" fill="{}">{}</text>', top + 56, palette.note, detail)] if detail else []
     caption = f"frames {first} to {last} at {truth['fps']:.0f} a second"
-    parts.append(markup('<text x="8" y="{}" fill="#666666" font-size="10">{}</text>', top + 72, caption))
+    parts.append(markup('<text x="8" y="{}" fill="{}" font-size="10">{}</text>', top + 72, palette.note, caption))
     for column, motion in enumerate(others):
         left = LABEL + (0 if stacked else column * (POSES * CELL + GAP))
         base = top + HEIGHT - 18 + (column * (HEIGHT + GAP) if stacked else 0)
-        made, colour = _points(motion), COLOURS[column % len(COLOURS)]
+        made, colour = _points(motion), palette.methods[column % len(palette.methods)]
         moments = np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
-        parts.append(markup('<path d="M{} {}H{}" stroke="#dddddd"/>', left, base, left + POSES * CELL))
+        parts.append(markup('<path d="M{} {}H{}" stroke="{}"/>', left, base, left + POSES * CELL, palette.ground))
         for pose, (frame, moment) in enumerate(zip(frames, moments, strict=True)):
             middle = left + (pose + 0.5) * CELL
             away = _ground(true, truth["root"])[frame]
-            shade = KEY_COLOUR if frame in scene["keys"] else colour
+            shade = palette.key if frame in scene["keys"] else colour
             for data, points, stroke, thick in (
-                (truth, true[frame], TRUTH_COLOUR, 4.0),
+                (truth, true[frame], palette.truth, 4.0),
                 (motion, made[moment], shade, 1.8),
             ):
                 flat = (points - away) @ view

@@ -133,12 +133,12 @@ WRITINGS = (
     Writing(
         "measured", "evaluate",
         "--motion {made}/motion --weights mine={made}/run --tasks transition --transitions 15 "
-        "--max-windows 1 --points 32 --device cpu -o {out}",
+        "--max-windows 1 --points 32 --device cpu --keep-fills -o {out}",
     ),
     Writing(
         "page.html", "report",
         f"--metrics {{made}}/measured --checkpoints {{made}}/run/train-ae --motions kick/truth={CLIPS}/kick.bvh "
-        "--licences CC0 -o {out}",
+        "--fills {made}/measured --licences CC0 -o {out}",
     ),
     Writing("drawn/page.html", "report", f"--motions kick/truth={CLIPS}/kick.bvh --picture {{out}}.svg -o {{out}}"),
     *(

@@ -14,7 +14,7 @@ from stages.shared.settings.recipes import read_recipe, recipe_names
 from tests.pipeline.made_runs import ROOT, Run
 
 RECIPE_OF = {
-    "table1": "table1", "table2": "table2", "table3": "table3",
+    "table1": "table1", "figures": "table1", "table2": "table2", "table3": "table3",
     "table4": "table4", "table-trackers": "trackers",
     "pcmrl-table1": "pcmrl", "pcmrl-table2": "pcmrl", "pcmrl-table3": "pcmrl",
     "rig-report": "pcmrl",
@@ -74,10 +74,13 @@ def test_table_1_trains_and_measures_every_method_by_itself(tmp_path: Path):
             zipped.writestr("a.bvh", "HIERARCHY")
     flags = (f"SHARED_DATA={shared}", "DATA=", "GOAL=g1")
     ran = table.make(flags=flags)
-    assert len(ran) == sum(name.startswith("g1/") for name in names) and ran[-1] == "measure-table1"
+    assert len(ran) == sum(name.startswith("g1/") and name != "g1/figures" for name in names)
+    assert ran[-1] == "measure-table1"
     assert ran.count("train-baseline") == 6 and ran.count("evaluate") == 10
     again = table.make("g1/trained/delta.seed=3", flags=flags)
     assert again == ["train-baseline", "evaluate", "measure-table1"]
+    table.target = "figures"  # of the same run: nothing is measured again
+    assert table.make("g1/trained/delta.seed=3", flags=flags) == ["report"]
 
 
 def test_a_table_that_was_cut_off_goes_on_where_it_was(table: Table):
@@ -147,8 +150,8 @@ def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_pa
         return
     assert table.make(flags=flags, code=2) == []
     g1 = ("lafan1-g1.zip", "forward kinematics")
-    origins = {"table1": g1, "table3": g1, "table4": ("bandai-namco-1.zip", "data fetch bandai-namco-1")}
-    origins["table-trackers"] = origins["table4"]
+    bandai = ("bandai-namco-1.zip", "data fetch bandai-namco-1")
+    origins = {"table1": g1, "figures": g1, "table3": g1, "table4": bandai, "table-trackers": bandai}
     origins |= {f"body-parts-table{number}": ("hdm05.zip", "cut clips") for number in (1, 2, 3)}
     named, origin = origins.get(target, ("cmu-dance.zip", "cgspeed"))
     assert named in table.said and origin in table.said.lower() and "nowhere" in table.said

@@ -8,7 +8,7 @@ from data_schemas.metrics import write_metrics
 from stages.measure.table1.config import Config
 from stages.measure.table1.joined import Joined, joined
 from stages.measure.table1.paper import TABLE_1
-from stages.measure.table1.tables import beside_best, costs, curve, paper_shares, table_1
+from stages.measure.table1.tables import beside_best, beside_best_by_category, costs, curve, paper_shares, table_1
 from stages.shared.contract import StageReport
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
@@ -58,8 +58,13 @@ def _page(config: Config, all_of: Joined, others: list[Joined], found: dict[Key,
         parts += [f"## {scope}\n", *table_1(all_of, found, scope)]
     if config.ours:
         parts.append("## Beside the best other method\n")
-        parts.append("The ratio of means over the same clips, its 95% bootstrap interval, and Wilcoxon's p.\n")
-        parts += [*beside_best(all_of, found, config.ours, config.seed).markdown(), ""]
+        parts.append(
+            "The ratio of means over the same clips, its 95% bootstrap interval, and the p of Wilcoxon's signed-rank "
+            "test on the clips, not corrected for the number of tests. With five clips or fewer, p is 0.06 or more.\n"
+        )
+        parts += [*beside_best(all_of, found, config.ours, config.seed, scopes[-1]).markdown(), ""]
+        if by_category := beside_best_by_category(all_of, found, config.ours, config.seed):
+            parts += ["By category:\n", *by_category.markdown(), ""]
     parts += ["## Time\n", *costs(all_of).markdown(), ""]
     if others:
         parts.append("## Error against training time\n\nL2P as a share of slerp's.\n")

@@ -13,7 +13,7 @@ from stages.measure.table1.joined import Joined
 from stages.shared.statistics.bootstrap import ratio_interval
 from stages.shared.statistics.measurements import METRICS, POWER_WEIGHTED
 from stages.shared.statistics.table import Entry, Row, Table, without_repeats
-from stages.shared.statistics.tables import Cell, Key, cells, in_order, scopes_of, span_text, task_words
+from stages.shared.statistics.tables import ALL, Cell, Key, cells, counted, in_order, scopes_of, span_text, task_words
 
 NINE = ("l2p_m", "l2q", "npss")
 
@@ -59,13 +59,18 @@ def paper_shares(task: str) -> str:
     return "\n".join(Table(("method",), heads, tuple(made)).markdown()) + "\n"
 
 
-def beside_best(joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int) -> Table:
+def beside_best(
+    joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int, scope: str, metrics: Sequence[str] = NINE
+) -> Table:
     """Each of our methods beside the best other one of every column: the ratio of their means over the same clips,
-    its 95 % bootstrap interval, and the p of Wilcoxon's signed-rank test on the clips' differences."""
-    scope = scopes_of(found)[-1]
+    its 95 % bootstrap interval, and the p of Wilcoxon's signed-rank test on the clips' differences.
+
+    scope: the archive or category whose clips are compared, or all of them together.
+    """
     rows = []
+    measured = [row for row in joined.rows if scope in (ALL, row.archive)]
     for task in in_order(found, 1):
-        for metric in NINE:
+        for metric in metrics:
             for interval in intervals_of(found, task):
                 others = {
                     name: cell.mean.value
@@ -75,10 +80,25 @@ def beside_best(joined: Joined, found: dict[Key, Cell], ours: Sequence[str], see
                 if not others:
                     continue
                 best = min(others, key=lambda name: others[name])
-                entries = [_compared(joined.rows, (task, interval, metric), name, best, seed) for name in ours]
+                entries = [_compared(measured, (task, interval, metric), name, best, seed) for name in ours]
                 label = METRICS[metric].label
                 rows.append(Row((task_words(task).split(",")[0], f"{label} {interval}", best), tuple(entries)))
     return Table(("task", "figure", "best other"), tuple(ours), without_repeats(rows))
+
+
+def beside_best_by_category(joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int) -> Table | None:
+    """The same of L2P in every category, with its number of clips; None if there is one category alone."""
+    categories = scopes_of(found)[:-1]
+    rows = []
+    for scope in categories:
+        clips = len({row.clip for row in joined.rows if row.archive == scope})
+        table = beside_best(joined, found, ours, seed, scope, NINE[:1])
+        labels = (f"{scope} ({counted(clips, 'clip')})",)
+        task = ""
+        for row in table.rows:
+            task = row.labels[0] or task  # a label that is "" repeats the one above
+            rows.append(Row((*labels, task, *row.labels[1:]), row.entries))
+    return Table(("data", "task", "figure", "best other"), tuple(ours), without_repeats(rows)) if categories else None
 
 
 def _compared(rows: Sequence[MetricRow], column: tuple[str, int, str], name: str, best: str, seed: int) -> Entry:

@@ -3,6 +3,13 @@
 
 const byId = (id) => document.getElementById(id);
 const MOTION_COLOURS = ["--truth", "--second", "--third", "--fourth", "--fifth"];
+const FEW_MOTIONS = 4; // that a phone shows at first, if there are more: the first and the last ones
+
+// The colour of the motion with this number as CSS; those beyond the named ones turn around the circle of hues.
+function motionColour(number) {
+  if (number < MOTION_COLOURS.length) return `var(${MOTION_COLOURS[number]})`;
+  return `oklch(64% 0.15 ${Math.round(number * 137.5) % 360})`;
+}
 
 // Millimetres, with a tenth where they are few.
 const millimetres = (value) => `${value.toFixed(value < 9.95 ? 1 : 0)} mm`;
@@ -72,17 +79,39 @@ class Player {
     this.camera.target = [0, this.scene.floor + 0.52 * this.scene.height, 0];
     this.camera.distance = 2.1 * this.scene.size;
     this.time = 0;
-    byId("stage").classList.toggle("two-rows", raw.motions.length > 4);
     byId("legend").innerHTML = "";
     this.scene.motions.forEach((m, i) => {
-      const item = document.createElement("span");
-      item.innerHTML = `<i style="background:var(${MOTION_COLOURS[i % 5]})"></i>`;
+      const item = document.createElement("button");
+      item.innerHTML = `<i style="background:${motionColour(i)}"></i>`;
       item.append(m.name);
       const errors = i ? this.errors[i - 1] : null;
       if (errors) item.append(` ${millimetres(errors.reduce((a, b) => a + b, 0) / errors.length)}`);
-      if (errors) item.title = `mean distance of the joints from ${first.name}`;
+      item.title = errors ? `Show or hide; mean distance of the joints from ${first.name}` : "Show or hide";
+      item.onclick = () => this.toggle(i);
       byId("legend").append(item);
     });
+    this.hideSome();
+    this.draw();
+  }
+
+  // Motions that were hidden by name stay so in another scene.
+  hideSome() {
+    const motions = this.scene.motions, narrow = this.canvas.clientWidth < 700;
+    if (!this.hidden) {
+      const spare = narrow ? motions.slice(1, Math.max(1, motions.length - FEW_MOTIONS + 1)) : [];
+      this.hidden = new Set(motions.length > FEW_MOTIONS + 1 ? spare.map((m) => m.name) : []);
+    }
+    this.shown = motions.map((_, i) => i).filter((i) => !this.hidden.has(motions[i].name));
+    if (!this.shown.length) this.shown = [0];
+    const rows = Math.ceil(this.shown.length / (narrow ? 2 : 4));
+    byId("stage").classList.toggle("two-rows", this.shown.length > 4 || rows > 2);
+    [...byId("legend").children].forEach((item, i) => item.setAttribute("aria-pressed", this.shown.includes(i)));
+  }
+
+  toggle(number) {
+    const { name } = this.scene.motions[number];
+    if (!this.hidden.delete(name)) this.hidden.add(name);
+    this.hideSome();
     this.draw();
   }
 
@@ -129,7 +158,13 @@ class Player {
 
   buildControls() {
     const select = byId("scene");
-    this.scenes.forEach((scene, i) => select.add(new Option(scene.name, i)));
+    const titles = new Map(); // scenes of one title form a group, where there are several
+    this.scenes.forEach((scene, i) => titles.set(scene.title, [...(titles.get(scene.title) || []), i]));
+    for (const [title, members] of titles) {
+      const group = members.length > 1 ? document.createElement("optgroup") : select;
+      if (group !== select) { group.label = title; select.append(group); }
+      for (const i of members) group.append(new Option(this.scenes[i].name, i));
+    }
     select.hidden = this.scenes.length < 2;
     select.onchange = () => this.choose(Number(select.value));
     byId("play").onclick = () => this.play(!this.playing);
@@ -199,7 +234,8 @@ class Player {
     return {
       groups: [get("--spine"), left, right, left, right], rim: get("--stage"), joint: get("--joint"), key: get("--key"),
       grid: get("--grid"), shadow: get("--shadow"), trail: get("--trail"), text: get("--text"), dim: get("--dim"),
-      ghost: get("--ghost"), faint: Number(get("--faint")), rule: get("--rule"), motions: MOTION_COLOURS.map(get),
+      ghost: get("--ghost"), faint: Number(get("--faint")), rule: get("--rule"),
+      motion: (i) => (i < MOTION_COLOURS.length ? get(MOTION_COLOURS[i]) : motionColour(i)),
     };
   }
 
@@ -214,27 +250,27 @@ class Player {
   }
 
   drawView(colours) {
-    const { ctx, width, height } = fitted(this.canvas), motions = this.scene.motions;
-    const most = this.options.overlay ? motions.length : width < 700 ? 2 : 4, rows = Math.ceil(motions.length / most);
+    const { ctx, width, height } = fitted(this.canvas), numbers = this.shown, motions = numbers.map((i) => this.scene.motions[i]);
+    const most = this.options.overlay ? motions.length : width < 700 ? 2 : motions.length > 12 ? 5 : 4, rows = Math.ceil(motions.length / most);
     const columns = this.options.overlay ? 1 : Math.ceil(motions.length / rows); // rows as even as can be
     const w = width / columns, h = height / rows;
     if (this.options.overlay) {
       const view = { x: 0, y: 0, w, h };
-      this.drawPanel(ctx, view, motions.map((m, i) => [m, colours.motions[i % 5]]), colours);
+      this.drawPanel(ctx, view, motions.map((m, i) => [m, colours.motion(numbers[i])]), colours);
       return;
     }
     motions.forEach((motion, i) => {
-      const view = { x: (i % columns) * w, y: Math.floor(i / columns) * h, w, h };
+      const number = numbers[i], view = { x: (i % columns) * w, y: Math.floor(i / columns) * h, w, h };
       this.drawPanel(ctx, view, [[motion, null]], colours);
       ctx.fillStyle = colours.rule;
       if (view.x) ctx.fillRect(view.x, view.y + 12, 1, h - 24);
-      ctx.fillStyle = colours.motions[i % 5];
+      ctx.fillStyle = colours.motion(number);
       ctx.beginPath();
       ctx.arc(view.x + 20, view.y + 22, 5, 0, 7);
       ctx.fill();
       ctx.font = "600 14px system-ui, sans-serif";
       label(ctx, motion.name, view.x + 32, view.y + 27, w - 44, colours.text, colours.rim);
-      const errors = i ? this.errors[i - 1] : null;
+      const errors = number ? this.errors[number - 1] : null;
       if (errors) {
         ctx.font = "12px system-ui, sans-serif";
         const off = `${millimetres(errors[this.frame])} off here`;
@@ -274,13 +310,13 @@ class Player {
   drawTimeline(colours) {
     const { ctx, height } = fitted(this.line), { left, width } = this.track(), frames = this.first.frames;
     const x = (frame) => left + (frames > 1 ? frame / (frames - 1) : 0) * width, base = height - 30;
-    const known = this.errors.filter(Boolean), top = Math.max(1, ...known.map((e) => e.reduce((a, b) => Math.max(a, b), 0)));
+    const known = this.errors.filter((errors, i) => errors && this.shown.includes(i + 1)), top = Math.max(1, ...known.map((e) => e.reduce((a, b) => Math.max(a, b), 0)));
     ctx.strokeStyle = colours.rule;
     ctx.lineWidth = 1;
     for (const key of this.scene.keys) line(ctx, x(key), 4, x(key), base + 12);
     this.errors.forEach((errors, i) => {
-      if (!errors) return;
-      ctx.strokeStyle = colours.motions[(i + 1) % 5];
+      if (!errors || !this.shown.includes(i + 1)) return;
+      ctx.strokeStyle = colours.motion(i + 1);
       ctx.lineWidth = 1.75;
       ctx.beginPath();
       errors.forEach((e, f) => ctx.lineTo(x(f), base - 4 - (base - 24) * e / top));

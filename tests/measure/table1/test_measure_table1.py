@@ -105,6 +105,20 @@ def test_the_curve_takes_one_method_several_times_on_the_same_windows(folder: Pa
         run(Config(metrics=(folder / "plain",), curve=(tmp_path / "other",), output=tmp_path / "joined"))
 
 
+def test_every_category_is_compared_on_its_own_clips(folder: Path, tmp_path: Path):
+    kinds = ("Walking=*walk*", "Others=*")
+    for name, more in (("plain", {}), ("measured", {"weights": (f"delta={folder / 'delta'}",), "plain": False})):
+        evaluate(EvaluateConfig(motion=folder / "motions", output=tmp_path / name, category=kinds, **more, **TASKS))
+    run(Config(metrics=(tmp_path / "plain", tmp_path / "measured"), output=tmp_path / "joined", ours=("delta",)))
+    rows, page = read_metrics(tmp_path / "joined")
+    lines = [line for line in page[page.index("By category:") : page.index("## Time")].splitlines() if "L2P" in line]
+    assert len(lines) == 2 * 2 and lines[0].startswith("| Others (1 clip) | Interpolation | L2P 15 |")
+    assert lines[2].startswith("| Walking (1 clip) |")
+    of_walk = {r.method: r.value for r in rows if (r.archive, r.metric, r.interval) == ("Walking", "l2p_m", 15)}
+    best = min((name for name in of_walk if name != "delta"), key=lambda name: of_walk[name])
+    assert lines[2].endswith(f"| {best} | ×{of_walk['delta'] / of_walk[best]:.2f} p 1 |")  # of one clip
+
+
 def test_categories_take_the_place_of_archives(folder: Path, tmp_path: Path):
     evaluate(
         EvaluateConfig(motion=folder / "motions", output=tmp_path / "kinds", category=("Walking=*walk*",), **TASKS)
