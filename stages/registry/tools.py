@@ -51,6 +51,20 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("train", "generator"),
+        "Train a network that generates motions of an action: a transformer or a recurrent VAE.",
+        ("concepts",), "checkpoint",
+        "pumps train generator --concepts runs/mine/segment -o runs/mine/train-generator",
+        pipeline=False,
+    ),
+    Stage(
+        ("generate",),
+        "Generate motions of actions with a trained generator.",
+        ("checkpoint",), "motion",
+        "pumps generate --weights runs/mine/train-generator --action walk --count 4 -o runs/mine/generate",
+        pipeline=False,
+    ),
+    Stage(
         ("data", "rerig"),
         "Put test clips on the rigs of other recordings, to measure on skeletons that no training used.",
         ("motion",), "motion",
