@@ -210,6 +210,14 @@ STAGES: tuple[Stage, ...] = (
         pipeline=False,
     ),
     Stage(
+        ("measure", "concepts"),
+        "Measure generated and refined motions by action: FID, accuracy, diversity (motion concepts).",
+        ("concepts", "motion", "checkpoint"), "metrics",
+        "pumps measure concepts --concepts runs/mine/segment --recogniser runs/mine/train-recogniser "
+        "--made mine=runs/mine/generate -o runs/mine/measured",
+        pipeline=False,
+    ),
+    Stage(
         ("measure", "spectral"),
         "Measure predictions of mesh sequences on held-out clips: SpecTrHuMS' Tables 1 to 4.",
         ("mesh", "checkpoint"), "metrics",

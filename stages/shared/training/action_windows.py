@@ -49,13 +49,24 @@ class ActionDrawer:
             for start in range(0, max(len(clip.positions) - self.window // 2, 1), self.window)
         ]
 
-    def batch(self, chosen: list[tuple[SegmentedSequence, int]]) -> ActionBatch:
+    def batch(self, chosen: Sequence[tuple[SegmentedSequence, int]]) -> ActionBatch:
         """Windows of clips from these frames on."""
-        rows, counts = [], []
-        for clip, start in chosen:
-            part = clip.positions[start : start + self.window].astype(np.float64)
-            flat = placing_of(part, self.groups).put(part).reshape(len(part), -1)
-            rows.append(np.concatenate([flat, np.zeros((self.window - len(flat), flat.shape[1]))]))
-            counts.append(len(flat))
-        actions = [clip.action for clip, _ in chosen]
-        return ActionBatch(torch.from_numpy(np.stack(rows)).float(), torch.tensor(counts), torch.tensor(actions))
+        parts = [(clip.positions[start : start + self.window], clip.action) for clip, start in chosen]
+        return batch_of(parts, self.groups, self.window)
+
+
+def batch_of(parts: Sequence[tuple[np.ndarray, int]], groups: np.ndarray, window: int) -> ActionBatch:
+    """Motions as a batch.
+
+    Args:
+        parts: positions (T, J, 3) of at most `window` frames, metres on the standard body, and the action of each.
+        groups: (J,) body groups of the joints.
+    """
+    rows, counts = [], []
+    for positions, _ in parts:
+        part = positions.astype(np.float64)
+        flat = placing_of(part, groups).put(part).reshape(len(part), -1)
+        rows.append(np.concatenate([flat, np.zeros((window - len(flat), flat.shape[1]))]))
+        counts.append(len(flat))
+    actions = torch.tensor([action for _, action in parts])
+    return ActionBatch(torch.from_numpy(np.stack(rows)).float(), torch.tensor(counts), actions)
