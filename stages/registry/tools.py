@@ -32,7 +32,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         ("refine",),
         "Find flawed frames of a motion of a known action, and mend them with motion concepts.",
-        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet",
+        ("any format", "motion", "checkpoint"), "BVH, GLB, npz, CSV, Parquet, motion",
         "pumps refine made.bvh --action walk --weights runs/mine/train-concepts -o refined.bvh",
         arguments=("input",), pipeline=False,
     ),
