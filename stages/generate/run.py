@@ -28,9 +28,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         model.action(action)
     progress.start("generating", len(actions) * config.count)
     manifest, names = model.artefact.manifest, FileNames()
-    with write_artefact(
-        config.output, "motion", stage="generate", config=config, inputs=[model.artefact]
-    ) as draft, MotionWriter(draft.folder) as writer:
+    with (
+        write_artefact(config.output, "motion", stage="generate", config=config, inputs=[model.artefact]) as draft,
+        MotionWriter(draft.folder) as writer,
+    ):
         skeleton = writer.add_skeleton(model.skeleton)
         for action in dict.fromkeys(actions):
             for number, motion in enumerate(

@@ -29,7 +29,8 @@ def run_artefact(config: Config, model: ConceptModel, progress: Progress) -> Sta
     """
     pattern = action_pattern(config.actions)
     weights = open_artefact(config.weights, "checkpoint")
-    shown: list[tuple[str, str, Refined]] = []
+    flawed_ones: list[tuple[str, str, Refined]] = []
+    others: list[tuple[str, str, Refined]] = []
     rows, moved, left = [], [], []
     with (
         MotionReader(config.input) as reader,
@@ -52,15 +53,16 @@ def run_artefact(config: Config, model: ConceptModel, progress: Progress) -> Sta
                 writer.add_clip(replace(row, frames=found.motion.frames), found.motion)
                 rows += [{"clip": row.clip, "action": action, **each} for each in found.anchors(model.fps)]
                 moved.append(float(1000 * np.linalg.norm(found.moved, axis=-1).mean()))
-                if len(shown) < _SHOWN and found.found.flawed.any():
-                    shown.append((row.clip, action, found))
+                kept = flawed_ones if found.found.flawed.any() else others
+                if len(kept) < _SHOWN:
+                    kept.append((row.clip, action, found))
             progress.advance(1, row.clip)
         if not moved:
             raise UsageError(f"No clip of {config.input} was refined; the first of {len(left)} reasons: {left[0]}")
     if config.table is not None:
         write_output(config.table, csv_of(rows))
     if config.page is not None:
-        write_output(config.page, page_of(shown, config, model.fps))
+        write_output(config.page, page_of([*flawed_ones, *others][:_SHOWN], config, model.fps))
     flawed = sum(row["flawed"] for row in rows)
     mean_mm = float(np.mean(moved))
     return StageReport(

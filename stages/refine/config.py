@@ -21,8 +21,8 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     )
     action: str | None = Field(
         None,
-        description="The motion's action, one that the weights were trained on; default for an artefact: that in each "
-        "clip's source.",
+        description="The motion's action, one that the weights were trained on; default for an artefact: that in "
+        "each clip's source.",
     )
     actions: str = Field(
         "auto",

@@ -116,8 +116,8 @@ def _table(measured: Mapping[str, Measured], counts: Mapping[str, int], fit_of: 
             entries.append(Entry(f"{fit_of[name]:.2f}" if name in fit_of else ""))
         rows.append(Row((name,), tuple(entries)))
     fit = ("fit, cm",) if fit_of else ()
-    for name in [each for each in fit_of if each not in measured]:
-        rows.append(Row((name,), (*[Entry()] * (1 + len(_HEADS)), Entry(f"{fit_of[name]:.2f}"))))
+    empty = [Entry()] * (1 + len(_HEADS))
+    rows += [Row((name,), (*empty, Entry(f"{value:.2f}"))) for name, value in fit_of.items() if name not in measured]
     return Table(("motions",), ("count", *_HEADS.values(), *fit), tuple(rows))
 
 
@@ -152,9 +152,9 @@ def _page(
     few = [name for name, each in groups.items() if len(each.actions) < FID_SAMPLES]
     drawn = f" Drawn with replacement, since there are fewer: {', '.join(few)}." if few else ""
     return (
-        f"# Generated and refined motions\n\nMade by:\n\n```\n{command_line('pumps measure concepts', config)}\n```\n\n"
-        f"{len(found.actions)} actions. The recogniser's accuracy: {held_out}. FID and A-FID are distances to the real "
-        f"motions of {', '.join(config.splits)} (row {REAL}); the ratio is to the row without refinement. Mean of "
+        f"# Generated and refined motions\n\nMade by:\n\n```\n{command_line('pumps measure concepts', config)}\n```\n"
+        f"\n{len(found.actions)} actions. The recogniser's accuracy: {held_out}. FID and A-FID are distances to the "
+        f"real motions of {', '.join(config.splits)} (row {REAL}); the ratio is to the row without refinement. Mean of "
         f"{config.repetitions} repetitions, ± half the 95 % interval of that mean, each of {FID_SAMPLES} motions for "
         f"FID, {ACTION_SAMPLES} of each action for A-FID, {DIVERSITY_PAIRS} pairs for diversity and "
         f"{MULTIMODALITY_PAIRS} pairs of each action for multimodality.{drawn} The intervals say how much the draws "

@@ -143,7 +143,9 @@ class Recurrent(ActionGenerator):
         self.posterior = nn.GRUCell(given, width)
         self.prior = nn.GRUCell(given, width)
         self.posterior_code, self.prior_code = nn.Linear(width, 2 * latent), nn.Linear(width, 2 * latent)
-        self.generator = nn.ModuleList(nn.GRUCell(given + latent if at == 0 else width, width) for at in range(blocks))
+        self.generator = nn.ModuleList(
+            nn.GRUCell(given + latent if at == 0 else width, width) for at in range(blocks)
+        )
         self.output = perceptron(width, features, width)
 
     def noise_shape(self, rows: int, frames: int) -> tuple[int, ...]:
