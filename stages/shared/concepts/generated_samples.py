@@ -1,8 +1,9 @@
 """Motions that the authors of Action2Motion (Guo et al. 2020) published as their generators' output.
 
-The folder of one generator holds `label_enc_rev_*.txt`, a line `(0, 'Walk')` for each class, and in `joints/` a file
-`motion_joints*.npy`, (N, T, 3 J) float positions, beside `motion_class.npy`, (N,) int classes. The name of the list of
-classes says which data set was learned, and so the joints, their axes, the rate, and what classes are called.
+The folder of one generator holds `label_enc_rev_*.txt`, a line `(0, 'Walk')` for each class, and in `joints/` a
+file `motion_joints*.npy`, (N, T, 3 J) float positions, beside `motion_class.npy`, (N,) int classes. The name of the
+list of classes says which data set was learned, and so the joints, their axes, the rate, and what classes are called.
+No file states the rates; they are those of the data sets as Action2Motion prepared them: 20, 12 and 30 a second.
 """
 
 from __future__ import annotations
@@ -108,8 +109,8 @@ def positions_of_samples(given: Path) -> list[LabelledPositions]:
         clip = labelled_positions(row, body, turned, learned.action(classes[kind]))
         if not 1 / _MOST_SCALE < clip.scale < _MOST_SCALE:
             raise InputError(
-                f"{given}: {joints[0]} holds bodies of {STATURE_M / clip.scale:.1f} m up to the head's joint, which are "
-                "no joints in metres.",
+                f"{given}: {joints[0]} holds bodies of {STATURE_M / clip.scale:.1f} m up to the head's joint, which "
+                "are no joints in metres.",
                 "Give another generator's folder.",
             )
         found.append(clip)

@@ -19,7 +19,7 @@ LEAST_SPREAD_M = 0.02  # a joint that hardly moves is not blown up
 
 
 class Reconstructed(NamedTuple):
-    """frames (B, T, F) standardised; divergence (B,): KL divergence of the codes from their prior, a sum over them."""
+    """frames (B, T, F) standardised; divergence (B,): KL divergence of a sequence's codes from their prior."""
 
     frames: Tensor
     divergence: Tensor
@@ -128,10 +128,10 @@ class Actor(ActionGenerator):
 class Recurrent(ActionGenerator):
     """A conditional temporal VAE (Guo et al. 2020, Action2Motion) on joint positions: one code for a frame.
 
-    A frame's code has a posterior that has seen the frame and a prior that has seen the frames before it; a recurrent
-    network makes the frame from the one before it, the action, the share of the sequence that is over, and the code.
-    In training the frame before it is the true one with probability `_TAUGHT`, else the one that was made. The paper's
-    rotations (Lie algebra) are not used: what is learned here are positions.
+    A frame's code has a posterior, which has seen the frame, and a prior, which has seen the frames before it. A
+    recurrent network makes the frame from the one before it, the action, the share of the sequence that is over, and
+    the code. In training the frame before it is the true one with probability `_TAUGHT`, else the one that was made.
+    The paper's generator makes rotations (Lie algebra); this one makes positions.
     """
 
     _TAUGHT = 0.6
