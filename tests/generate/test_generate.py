@@ -35,7 +35,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for network, steps in (("actor", 30), ("recurrent", 4)):
         train_generator(
             GeneratorConfig(
-                concepts=path / "c", output=path / network, network=network, steps=steps, width=16, blocks=1,
+                concepts=path / "c", output=path / network, network=network,  # pyright: ignore[reportArgumentType]
+                steps=steps, width=16, blocks=1,
                 latent=4, learning_rate=3e-3, validate_every=steps, checkpoint_every=steps, **QUICK,
             )
         )  # fmt: skip

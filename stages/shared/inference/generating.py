@@ -53,8 +53,12 @@ def load_generator(path: Path, device: str) -> GeneratorModel:
         raise InputError(f"{path} holds no generator of motions.", _MEND)
     skeleton = skeleton_of_plain(config.get("skeleton"))
     actions, frames, fps = config.get("actions"), config.get("frames"), config.get("fps")
-    whole = isinstance(actions, list) and isinstance(frames, list) and len(actions) == len(frames) > 0
-    if not whole or not all(isinstance(each, int) and 0 < each <= MOST_WINDOW for each in frames):
+    if (
+        not isinstance(actions, list)
+        or not isinstance(frames, list)
+        or not len(actions) == len(frames) > 0
+        or not all(isinstance(each, int) and 0 < each <= MOST_WINDOW for each in frames)
+    ):
         raise InputError(f"{path} is damaged: it does not say its actions and their lengths.", "Train it again.")
     if not isinstance(fps, int | float) or not 0 < fps < 1e6:
         raise InputError(f"{path} is damaged: it does not say its frame rate.", "Train it again.")
