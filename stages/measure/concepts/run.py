@@ -155,8 +155,8 @@ def _page(
         f"# Generated and refined motions\n\nMade by:\n\n```\n{command_line('pumps measure concepts', config)}\n```\n"
         f"\n{len(found.actions)} actions. The recogniser's accuracy: {held_out}. FID and A-FID are distances to the "
         f"real motions of {', '.join(config.splits)} (row {REAL}); the ratio is to the row without refinement. Mean "
-        f"of {config.repetitions} repetitions, ± half the 95 % interval of that mean, each of {FID_SAMPLES} motions for "
-        f"FID, {ACTION_SAMPLES} of each action for A-FID, {DIVERSITY_PAIRS} pairs for diversity and "
-        f"{MULTIMODALITY_PAIRS} pairs of each action for multimodality.{drawn} The intervals say how much the "
-        "draws vary, not how much another training would.\n\n" + "\n".join(table.markdown()) + "\n"
+        f"of {config.repetitions} repetitions, ± half the 95 % interval of that mean. A repetition draws "
+        f"{FID_SAMPLES} motions for FID and accuracy, {ACTION_SAMPLES} of each action for A-FID, {DIVERSITY_PAIRS} "
+        f"pairs for diversity and {MULTIMODALITY_PAIRS} pairs of each action for multimodality.{drawn} The intervals "
+        "say how much the draws vary, not how much another training would.\n\n" + "\n".join(table.markdown()) + "\n"
     )
