@@ -23,6 +23,10 @@ SPECTRAL_WINDOWS ?= 0
 SPECTRAL_IDENTITIES ?= 32
 BODY_PARTS_STEPS   ?= 6000
 BODY_PARTS_WINDOWS ?= 200
+CONCEPTS_SET    ?= hdm05
+CONCEPTS_STEPS  ?= 2000
+CONCEPTS_COUNT  ?= 200
+CONCEPTS_WINDOW ?= 60
 
 WITH_table1 = --with 'minutes=$(BUDGET)' --with 'half=$(shell awk 'BEGIN { print $(BUDGET) / 2 }')' --with 'windows=$(WINDOWS)'
 GOAL_table1 = $(GOAL)
@@ -61,3 +65,5 @@ spectral-tables spectral-pages: $(VENV)/installed-mesh
 	$(call made,spectral,$(if $(filter spectral-pages,$@),pages),$(WITH_spectral-tables),$(UNTIL_SLICE))
 body-parts-table1 body-parts-table2 body-parts-table3: install
 	$(call made,body-parts,,--with 'steps=$(BODY_PARTS_STEPS)' --with 'windows=$(BODY_PARTS_WINDOWS)')
+concepts-tables: install-dev
+	$(call made,concepts,$(GOAL),--with 'set=$(CONCEPTS_SET)' --with 'steps=$(CONCEPTS_STEPS)' --with 'count=$(CONCEPTS_COUNT)' --with 'window=$(CONCEPTS_WINDOW)')

@@ -18,6 +18,7 @@ PANELS = {
         "edit",
         "denoise",
         "estimate",
+        "generate",
         "segment",
         "refine",
         "inspect",

@@ -32,7 +32,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         ("refine",),
         "Find flawed frames of a motion of a known action, and mend them with motion concepts.",
-        ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet",
+        ("any format", "motion", "checkpoint"), "BVH, GLB, npz, CSV, Parquet, motion",
         "pumps refine made.bvh --action walk --weights runs/mine/train-concepts -o refined.bvh",
         arguments=("input",), pipeline=False,
     ),
@@ -48,6 +48,20 @@ STAGES: tuple[Stage, ...] = (
         "Train a recogniser of actions, whose features measure generated motions.",
         ("concepts",), "checkpoint",
         "pumps train recogniser --concepts runs/mine/segment -o runs/mine/train-recogniser",
+        pipeline=False,
+    ),
+    Stage(
+        ("train", "generator"),
+        "Train a network that generates motions of an action: a transformer or a recurrent VAE.",
+        ("concepts",), "checkpoint",
+        "pumps train generator --concepts runs/mine/segment -o runs/mine/train-generator",
+        pipeline=False,
+    ),
+    Stage(
+        ("generate",),
+        "Generate motions of actions with a trained generator.",
+        ("checkpoint",), "motion",
+        "pumps generate --weights runs/mine/train-generator --action walk --count 4 -o runs/mine/generate",
         pipeline=False,
     ),
     Stage(
@@ -200,6 +214,14 @@ STAGES: tuple[Stage, ...] = (
         "Fill clips between their anchors and between as many evenly spaced keys, and measure both.",
         ("motion", "checkpoint"), "metrics",
         "pumps measure anchors --motion runs/mine/ingest -o runs/mine/measure-anchors",
+        pipeline=False,
+    ),
+    Stage(
+        ("measure", "concepts"),
+        "Measure generated and refined motions by action: FID, accuracy, diversity (motion concepts).",
+        ("concepts", "motion", "checkpoint"), "metrics",
+        "pumps measure concepts --concepts runs/mine/segment --recogniser runs/mine/train-recogniser "
+        "--made mine=runs/mine/generate -o runs/mine/measured",
         pipeline=False,
     ),
     Stage(

@@ -39,8 +39,10 @@ class Config(WritingConfig, SeededConfig):
         None, description="Rate at which motions are segmented and stored, in frames per second; default: their own.",
         gt=0, le=1000,
     )  # fmt: skip
-    data_set: Literal["humanact12", "uestc"] | None = Field(
-        None, description="The input is a folder of this data set of joint positions, as its public code reads it."
+    data_set: Literal["humanact12", "uestc", "action2motion"] | None = Field(
+        None,
+        description="The input is a folder of this data set of joint positions, as its public code reads it; "
+        "action2motion: of one generator's published output (ARCHIVE!FOLDER too).",
     )
     actions: str = Field(
         "auto",

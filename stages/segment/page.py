@@ -11,16 +11,13 @@ from data_schemas.concepts import SegmentedClip, StoredBody
 from stages.segment.config import Config
 from stages.shared.concepts.body_positions import relative_poses
 from stages.shared.concepts.clusters import AnchorConcepts
+from stages.shared.concepts.pose_pictures import COLOURS, figure
 from stages.shared.markup import Markup, joined, markup
 from stages.shared.settings.command_line import command_line
 
-COLOURS = (
-    "#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17a2a2", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22",
-)  # fmt: skip
 _POSES = 9  # of each concept, those nearest to it
-_CELL, _HEIGHT, _PIXELS_A_METRE = 78, 150, 72.0
+_CELL, _HEIGHT = 78, 150
 _MOST_POINTS = 1500  # of one action, in the plane
-_VIEW = np.radians(30)  # from the side of straight ahead
 
 
 def page_of(
@@ -70,19 +67,6 @@ def _strips(poses: np.ndarray, labels: np.ndarray, centres: np.ndarray, body: St
         '<svg xmlns="http://www.w3.org/2000/svg" width="{}" height="{}" font-size="12">{}</svg>', width, height,
         joined(parts),
     )  # fmt: skip
-
-
-def figure(pose: np.ndarray, parents: np.ndarray, x: float, y: float, colour: str, strong: bool = False) -> Markup:
-    """A stick figure of a pose (J, 3), the pelvis at (x, y) pixels."""
-    across = np.cos(_VIEW) * pose[:, 0] + np.sin(_VIEW) * pose[:, 2]
-    places = np.stack([x + _PIXELS_A_METRE * across, y - _PIXELS_A_METRE * pose[:, 1]], axis=1)
-    lines = [
-        markup('<line x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"/>', *places[parents[joint]], *places[joint])
-        for joint in range(1, len(parents))
-    ]
-    return markup(
-        '<g stroke="{}" stroke-width="{}" stroke-linecap="round">{}</g>', colour, 3 if strong else 1.6, joined(lines)
-    )
 
 
 def _plane(poses: np.ndarray, labels: np.ndarray, seed: int) -> Markup:

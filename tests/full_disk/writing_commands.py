@@ -209,6 +209,18 @@ WRITINGS = (
         "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --warmup 1 --validate-every 2 "
         "--checkpoint-every 1 --device cpu -o {out}",
     ),
+    Writing(
+        "generator", "train generator",
+        "--concepts {made}/grouped --steps 2 --batch 2 --window 16 --width 8 --blocks 1 --latent 2 --warmup 1 "
+        "--validate-every 2 --checkpoint-every 1 --device cpu -o {out}",
+    ),
+    Writing("generated", "generate", "--weights {made}/generator --count 2 --frames 12 --device cpu -o {out}"),
+    Writing("refined", "refine", "{made}/generated --weights {made}/learned --device cpu -o {out}"),
+    Writing(
+        "measured-concepts", "measure concepts",
+        "--concepts {made}/grouped --recogniser {made}/recogniser --made made={made}/generated --repetitions 2 "
+        "--splits train --device cpu -o {out}",
+    ),
     Writing("measured-anchors", "measure anchors", "--motion {made}/motion --splits train --lambdas 200 -o {out}"),
     Writing("packed", "weights pack", "{made}/run -o {out}"),
     Writing(

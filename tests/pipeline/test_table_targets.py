@@ -21,7 +21,7 @@ RECIPE_OF = {
     "body-parts-table1": "body-parts", "body-parts-table2": "body-parts", "body-parts-table3": "body-parts",
     "latent-report": "latents", "solve-report": "solve", "solve-pages": "solve", "held-out": "held-out",
     "unseen-rigs": "unseen-rigs", "weights-report": "weights", "pretrain": "small", "lifter": "lifter",
-    "spectral-tables": "spectral", "spectral-pages": "spectral",
+    "spectral-tables": "spectral", "spectral-pages": "spectral", "concepts-tables": "concepts",
 }  # fmt: skip
 
 MEMBERS = {"cmu-various": ["cmu-various/06/06_01.bvh"]}  # which recipes name: the rig of the lifter
@@ -153,6 +153,7 @@ def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_pa
     bandai = ("bandai-namco-1.zip", "data fetch bandai-namco-1")
     origins = {"table1": g1, "figures": g1, "table3": g1, "table4": bandai, "table-trackers": bandai}
     origins |= {f"body-parts-table{number}": ("hdm05.zip", "cut clips") for number in (1, 2, 3)}
+    origins["concepts-tables"] = ("hdm05.zip", "cut clips")
     named, origin = origins.get(target, ("cmu-dance.zip", "cgspeed"))
     assert named in table.said and origin in table.said.lower() and "nowhere" in table.said
 

@@ -172,3 +172,36 @@ def test_a_batch_without_a_known_concept_has_a_finite_loss(weights: Path):
     value.backward()
     assert torch.isfinite(value)
     assert all(torch.isfinite(p.grad).all() for p in task.networks.parameters() if p.grad is not None)
+
+
+def test_an_artefact_is_refined_clip_by_clip_with_its_page(weights: Path, tmp_path: Path):
+    """Each clip by its own action; a clip of an unknown action stays, to the bit."""
+    from data_schemas.motion import MotionReader
+
+    with (
+        MotionReader(weights.parent / "m") as reader,
+        write_artefact(tmp_path / "in", "motion", stage="test", config={}) as draft,
+        MotionWriter(draft.folder) as writer,
+    ):
+        for row in reader.clips[:3]:
+            writer.add_skeleton(reader.skeleton(row.skeleton))
+            source = "swim.bvh" if row.clip == "dance_b" else row.source
+            writer.add_clip(ClipRow(**{**vars(row), "source": source}), reader.motion(row.clip))
+    out, page, table = tmp_path / "out", tmp_path / "p.html", tmp_path / "t.csv"
+    report = run(Config(input=tmp_path / "in", output=out, weights=weights, page=page, table=table, device="cpu"))
+    assert report.figures["clips"] == 2 and report.figures["left"] == 1
+    assert any("dance_b is left as it is" in line for line in report.lines)
+    with MotionReader(tmp_path / "in") as before, MotionReader(out) as after:
+        assert [row.clip for row in after.clips] == ["dance_a", "dance_b", "kick"]
+        for clip, same in (("dance_a", False), ("dance_b", True), ("kick", False)):
+            one, two = before.motion(clip), after.motion(clip)
+            assert one.frames == two.frames and np.array_equal(one.rotations, two.rotations) == same
+    assert len(table.read_text().splitlines()) == report.figures["anchors"] + 1
+    text = page.read_text()
+    assert text.count("<h2>") >= 1 and "&lt;" not in text.split("<pre>")[0] and "<script" not in text
+
+
+def test_a_file_needs_an_action(weights: Path, tmp_path: Path):
+    with pytest.raises(UsageError, match="does not say its action"):
+        run(Config(input=CLIPS / "kick.bvh", output=tmp_path / "o.bvh", weights=weights, device="cpu"))
+    assert not (tmp_path / "o.bvh").exists()

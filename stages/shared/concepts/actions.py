@@ -19,6 +19,7 @@ _PATTERNS = (
     re.compile(r"dataset-\d+_(?P<action>[a-z-]+?)_[a-z-]+_\d+"),
     re.compile(r"HDM_[a-z]{2}_(?P<action>[A-Za-z]{1,60})(?:\d\w{0,40}?)?_\d{3}_120"),
 )
+_GENERATED = re.compile(r"generated_(?P<action>.{1,200})_\d{5,9}", re.DOTALL)
 HUMANACT12_NAME = re.compile(r"P(?P<subject>\d+)G\d+R\d+F\d+T\d+A(?P<coarse>\d\d)\d\d")
 
 
@@ -46,6 +47,8 @@ def action_of(row: ClipRow, pattern: re.Pattern[str] | None = None) -> str:
     Args:
         pattern: of the user; its first group is the action. None for the data sets that pumps knows.
     """
+    if pattern is None and (made := _GENERATED.fullmatch(row.source)):
+        return made["action"]
     source = row.source.replace("\\", "/")
     if pattern is not None:
         found = pattern.search(source)
@@ -58,3 +61,8 @@ def action_of(row: ClipRow, pattern: re.Pattern[str] | None = None) -> str:
         coarse = int(found["coarse"])
         return HUMANACT12[coarse - 1] if 1 <= coarse <= len(HUMANACT12) else ""
     return ""
+
+
+def generated_source(action: str, number: int) -> str:
+    """The source of a motion that a network generated, which holds its action."""
+    return f"generated_{action}_{number:05d}"

@@ -78,10 +78,10 @@ def positions_of_data_set(name: str, folder: Path) -> list[LabelledPositions]:
 def body_of_list(title: str) -> StoredBody:
     """The body of a list of joints: "smpl24", or "vibe18" for the joints of UESTC and NTU."""
     if title == "vibe18":
-        return _body(_VIBE_NAMES, _VIBE_PARENTS)
+        return body_of_joints(_VIBE_NAMES, _VIBE_PARENTS)
     joints = LISTS[title]()
     names = tuple(name for name, *_ in joints)
-    return _body(names, [names.index(parent) if parent else -1 for _, parent, _ in joints])
+    return body_of_joints(names, [names.index(parent) if parent else -1 for _, parent, _ in joints])
 
 
 def y_up(positions: np.ndarray) -> np.ndarray:
@@ -100,7 +100,8 @@ def scale_of_positions(body: StoredBody, positions: np.ndarray) -> float:
     return STATURE_M / stature
 
 
-def _body(names: Sequence[str], parents: Sequence[int]) -> StoredBody:
+def body_of_joints(names: Sequence[str], parents: Sequence[int]) -> StoredBody:
+    """The body of named joints, parents first, with its groups by their names."""
     above = np.array(parents, np.int32)
     return StoredBody(tuple(names), above, _parts(tuple(names), above).groups)
 
@@ -167,6 +168,11 @@ def _labelled(
         clip=clip, source=str(path), sha256=sha256_of_file(path), skeleton=body.id, frames=len(positions), fps=fps,
         seconds=len(positions) / fps, split=split, licence=_LICENCE,
     )  # fmt: skip
+    return labelled_positions(row, body, positions, action)
+
+
+def labelled_positions(row: ClipRow, body: StoredBody, positions: np.ndarray, action: str) -> LabelledPositions:
+    """A clip of positions (T, J, 3) metres, Y up, with its scale. Raises InputError for a body without lengths."""
     return LabelledPositions(row, body, positions, scale_of_positions(body, positions), action)
 
 

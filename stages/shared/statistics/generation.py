@@ -82,6 +82,31 @@ def multimodality(features: np.ndarray, made: np.ndarray, rng: np.random.Generat
     return float(np.mean(found))
 
 
+def measures_of(
+    features: np.ndarray, logits: np.ndarray, made: np.ndarray, real: tuple[np.ndarray, np.ndarray] | None
+) -> dict[str, Callable[[np.random.Generator], float]]:
+    """All measures of motions, by name, each a function of a generator.
+
+    Args:
+        features (N, D) and logits (N, C) of the motions, with their actions `made` (N,).
+        real: features (M, D) and actions (M,) of the real motions; None leaves FID and A-FID out.
+    """
+    found: dict[str, Callable[[np.random.Generator], float]] = {}
+    if real is not None:
+        found["a_fid"] = lambda rng: action_fid(features, made, real[0], real[1], rng)
+        found["fid"] = lambda rng: fid(features, real[0], rng)
+    found["accuracy"] = lambda rng: _drawn_accuracy(logits, made, rng)
+    found["diversity"] = lambda rng: diversity(features, rng)
+    found["multimodality"] = lambda rng: multimodality(features, made, rng)
+    return found
+
+
+def _drawn_accuracy(logits: np.ndarray, made: np.ndarray, rng: np.random.Generator) -> float:
+    """The accuracy of `FID_SAMPLES` motions."""
+    chosen = _drawn(len(made), FID_SAMPLES, rng)
+    return accuracy(logits[chosen], made[chosen])
+
+
 def repeated(
     measures: Mapping[str, Callable[[np.random.Generator], float]], seed: int, times: int = REPETITIONS
 ) -> dict[str, Repeated]:

@@ -1,56 +1,17 @@
-"""Windows of labelled motions, and the cross entropy of their actions."""
+"""The cross entropy of the actions of windows of labelled motions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from stages.shared.concepts.sequences import ConceptSet, SegmentedSequence, placing_of
+from stages.shared.concepts.sequences import ConceptSet
 from stages.shared.networks.concepts.action_recogniser import ActionRecogniser
 from stages.shared.networks.layers.row_generator import RowGenerator
-from stages.shared.training.task import RowRandom, TrainingTask
+from stages.shared.training.action_windows import ActionBatch, ActionDrawer
+from stages.shared.training.task import TrainingTask
 from stages.train.recogniser.config import Config
-
-
-@dataclass(frozen=True)
-class ActionBatch:
-    """motion (B, T, F) metres, each from its first frame; counts (B,) real frames; action (B,)."""
-
-    motion: Tensor
-    counts: Tensor
-    action: Tensor
-
-
-class ActionDrawer:
-    """Draws windows: an action, a clip of it, a place in the clip."""
-
-    def __init__(self, found: ConceptSet, window: int):
-        self.groups, self.window = found.body.groups, window
-        of_action = [[each for each in found.of("train") if each.action == at] for at in range(len(found.actions))]
-        self.by_action = [clips for clips in of_action if clips]
-
-    def draw(self, rng: RowRandom) -> ActionBatch:
-        chosen = []
-        for row in rng.rows:
-            clips = self.by_action[row.integers(len(self.by_action))]
-            clip = clips[row.integers(len(clips))]
-            chosen.append((clip, int(row.integers(max(len(clip.positions) - self.window, 0) + 1))))
-        return self.batch(chosen)
-
-    def batch(self, chosen: list[tuple[SegmentedSequence, int]]) -> ActionBatch:
-        """Windows of clips from these frames on."""
-        rows, counts = [], []
-        for clip, start in chosen:
-            part = clip.positions[start : start + self.window].astype(np.float64)
-            flat = placing_of(part, self.groups).put(part).reshape(len(part), -1)
-            rows.append(np.concatenate([flat, np.zeros((self.window - len(flat), flat.shape[1]))]))
-            counts.append(len(flat))
-        actions = [clip.action for clip, _ in chosen]
-        return ActionBatch(torch.from_numpy(np.stack(rows)).float(), torch.tensor(counts), torch.tensor(actions))
 
 
 class ActionTask(TrainingTask[ActionRecogniser]):

@@ -60,6 +60,36 @@ def test_accuracy_diversity_and_multimodality_are_means():
     assert np.mean([generation.diversity(spread, rng) for _ in range(20)]) == pytest.approx(plain, rel=0.1)
 
 
+def plain_measures(features, logits, made, real, labels) -> dict[str, float]:
+    """Every measure by its formula, over all motions: what the drawn ones estimate."""
+
+    def pairs(rows: np.ndarray) -> float:
+        return float(np.mean([np.linalg.norm(rows - each, axis=1).mean() for each in rows]))
+
+    actions = sorted(set(labels.tolist()))
+    return {
+        "fid": plain_frechet(features, real),
+        "a_fid": float(np.mean([plain_frechet(features[made == a], real[labels == a]) for a in actions])),
+        "accuracy": sum(int(np.argmax(row)) == kind for row, kind in zip(logits, made, strict=True)) / len(made),
+        "diversity": pairs(features),
+        "multimodality": float(np.mean([pairs(features[made == a]) for a in actions])),
+    }
+
+
+def test_drawn_measures_estimate_those_of_all_motions():
+    rng = np.random.default_rng(5)
+    made, labels = np.repeat([0, 1, 2], 220), np.repeat([0, 1, 2], 240)
+    features = rng.normal(size=(660, 3)) * 1.3 + made[:, None]
+    real = rng.normal(size=(720, 3)) + labels[:, None]
+    logits = rng.normal(size=(660, 3)) + 2 * np.eye(3)[made]
+    plain = plain_measures(features, logits, made, real, labels)
+    found = generation.repeated(generation.measures_of(features, logits, made, (real, labels)), 0, 10)
+    assert set(found) == set(plain)
+    for name, value in plain.items():
+        assert found[name].value == pytest.approx(value, rel=0.1), name
+    assert set(generation.measures_of(features, logits, made, None)) == {"accuracy", "diversity", "multimodality"}
+
+
 def test_repetitions_give_the_interval_of_the_mean_and_are_the_same_again():
     found = generation.repeated({"a": lambda rng: float(rng.normal()), "b": lambda rng: 2.0}, seed=3, times=400)
     assert found["a"].half_width == pytest.approx(1.96 / 20, rel=0.1) and abs(found["a"].value) < 0.2
