@@ -21,6 +21,7 @@ import numpy as np
 
 from data_schemas.damaged_files import reading
 from data_schemas.errors import InputError
+from stages.shared.inference.models import Models
 from stages.shared.outputs import write_output
 from stages.shared.weights.shipped import VARIATION_NAME, weights_folder
 
@@ -110,6 +111,12 @@ def write_variation(path: Path, variation: Variation, about: dict[str, object]) 
     write_output(path, (json.dumps(content) + "\n").encode("utf-8"))
 
 
+def variation_of(models: Models) -> Variation:
+    """The variation beside loaded models. Raises as `read_variation`."""
+    coder = models.autoencoder
+    return read_variation(models.name, coder.encoder.latent_width, coder.digest)
+
+
 def read_variation(weights: str | Path, width: int, digest: str) -> Variation:
     """The variation beside some weights.
 
@@ -121,8 +128,8 @@ def read_variation(weights: str | Path, width: int, digest: str) -> Variation:
     path = weights_folder(weights) / VARIATION_NAME
     if not path.is_file():
         raise InputError(
-            f"The weights {weights} do not hold how motions vary, so they give one fill and not several.",
-            "Use --weights small-free, or measure it with `pumps weights vary`.",
+            f"The weights {weights} do not hold how motions vary, so they give one fill alone.",
+            "Use other weights, or measure it with `pumps weights vary`.",
         )
     with reading(path):
         content = json.loads(path.read_text(encoding="utf-8"))

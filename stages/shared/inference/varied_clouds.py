@@ -35,12 +35,12 @@ _FACING = 4  # tokens on both sides of a gap's middle, over which the direction 
 class VariedClouds:
     """Clouds around a fill, which is the scene's base.
 
-    seed: of the residuals; each gap has its own draw.
+    seeds: of the residuals; each gap has its own draw.
     """
 
     autoencoder: CloudAutoencoder
     variation: Variation
-    seed: int
+    seeds: tuple[int, ...]
     exact: bool = False
     glide: Glide | None = None
     confidence: Confidence | None = None
@@ -85,7 +85,7 @@ class VariedClouds:
         view = gap_view(scene.base, scene.tokens, gap, drawn, CONTEXT)
         plain = encoded_gap(coder, scene.base, view, drawn)
         path = view.path(scene.tokens, gap, plain[0])
-        residual = self.variation.draw(path, np.random.default_rng([self.seed, number]))
+        residual = self.variation.draw(path, np.random.default_rng([*self.seeds, number]))
         inside = torch.as_tensor(gap - view.rows.start, device=scene.device)
         varied = plain[0].clone(), plain[1].clone()
         for values, added in zip(varied, residual, strict=True):

@@ -30,12 +30,12 @@ from stages.shared.solve.skeleton_pose import SkeletonPose
 
 def varied_fill(
     skeleton: Skeleton,
-    filled: Motion,
+    usual: Filled,
     known: np.ndarray,
     autoencoder: Autoencoder,
     variation: Variation,
     *,
-    seed: int,
+    seeds: tuple[int, ...],
     points: int = 256,
     options: FillOptions | None = None,
     fixed: Fixed | None = None,
@@ -43,25 +43,27 @@ def varied_fill(
     """Another plausible fill.
 
     Args:
-        filled: T frames, the default fill. known: (T,) bool, True where the frame is given; such frames come back
-            value for value.
-        seed: of the residual; the same seed gives the same motion.
+        usual: the usual fill, T frames. known: (T,) bool, True where the frame is given; such frames come back value
+            for value.
+        seeds: of the residuals; the same ones give the same motion.
         points: of the cloud. options, fixed: as of `fill_motion`.
 
-    Returns: the fill; figures that it gives of the plain interpolation are those of the default fill here.
+    Returns: the fill; what its figures say of the plain interpolation is copied from those of the usual fill.
     """
-    known, fps = np.asarray(known, bool), filled.fps
+    known, fps = np.asarray(known, bool), usual.motion.fps
+    if known.all():
+        return usual
     # The residual is what true motions have beyond the fill: it is applied as it is, neither shrunk nor smoothed.
     options = replace(options or FillOptions(), turn_floor_rad=0.0, shift_floor_m=0.0, smooth_span=0.0, trust=1.0)
-    start = _start_around(skeleton, filled, known, autoencoder.device, fixed)
-    source = VariedClouds(autoencoder, variation, seed)
+    start = _start_around(skeleton, usual.motion, known, autoencoder.device, fixed)
+    source = VariedClouds(autoencoder, variation, seeds)
     with torch.no_grad():
         clouds = source.find(start.scene, Drawing(points, options.sigma_m, 1, 0))
         corrections = solve_clouds(start, clouds, options.solve)
         solved = apply_corrections(start, corrections, known, options, None)
-    wander_m = float(clouds.binding.wander.nanmedian())
     eased = eased_pose(solved.pose, start.parts, known, fps, options)
-    return held_fill(eased, solved.plain, known, fps, options, fixed, base=start.given, wander_m=wander_m)
+    made = held_fill(eased, solved.plain, known, fps, options, fixed, base=start.given, wander_m=usual.wander_m)
+    return replace(made, base_jumps_mps=usual.base_jumps_mps, base_skate_mps=usual.base_skate_mps, plain=usual.plain)
 
 
 def _start_around(
