@@ -5,10 +5,10 @@ body faces +Z halfway through the gap. At the relative time u of a gap, 0 at its
 
     r(u) = s * sum over k of sin(k pi u) * (c_k E, d_k),    (c, d) = F z,    z ~ N(0, I)
 
-with directions E of the latents, coefficients c of these and d of the centroid for each wave k, a factor F of low
-rank, and the gap's scale s, log-linear in the gap's length and in the speed of the fill's latents. A gap that ends
-without a key has half waves, sin((k - 1/2) pi u). The residual vanishes at keys. `pumps weights vary` measures E, F
-and the weights of s.
+with directions E of the latents, coefficients c of these and d of the centroid for each wave k, a factor F of few
+columns, the strongest modes of residuals, and the gap's scale s, log-linear in `GapPath.features`. What weaker modes
+add is not drawn. A gap that ends without a key has half waves, sin((k - 1/2) pi u). The residual vanishes at keys.
+`pumps weights vary` measures E, F and the weights of s.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from stages.shared.outputs import write_output
 from stages.shared.weights.shipped import VARIATION_NAME, weights_folder
 
 VERSION = 1
-WAVES = 6
+WAVES = 4
 CENTROID = 3
-FEATURES = 3  # of a gap: 1, log of its length, log of the speed of its latents
+FEATURES = 4
 _LEAST_SPEED = 1e-4
 _DECIMALS = 5
 
@@ -41,6 +41,7 @@ class GapPath:
     before:  time of the key before it; None if it begins without one.
     after:   time of the key after it; None if it ends without one.
     latents: (m, D) of the fill at the gap's tokens and the keys beside it, whose times are `path_times` (m,).
+    lone:    share of the keys beside it whose velocity is not known, since no known token is next to them.
     """
 
     times: np.ndarray
@@ -48,6 +49,7 @@ class GapPath:
     after: float | None
     latents: np.ndarray
     path_times: np.ndarray
+    lone: float
 
     @property
     def open(self) -> bool:
@@ -71,10 +73,11 @@ class GapPath:
         return np.sin(np.pi * u[:, None] * number)
 
     def features(self) -> np.ndarray:
-        """(FEATURES,) that the scale of the residual depends on."""
+        """(FEATURES,) that the residual's scale depends on: 1, `lone`, the logarithms of the length and of the speed
+        of the fill's latents."""
         steps = np.diff(self.latents, axis=0) / np.diff(self.path_times)[:, None]
         speed = np.sqrt(np.square(steps).mean()) if len(steps) else 0.0
-        return np.array([1.0, np.log(self.length), np.log(max(float(speed), _LEAST_SPEED))])
+        return np.array([1.0, self.lone, np.log(self.length), np.log(max(float(speed), _LEAST_SPEED))])
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from stages.shared.solve.skeleton_pose import SkeletonPose
 
 CONTEXT = 8  # tokens on both sides of a gap that are decoded with it
 _BOUND_GAPS = 8  # whose points are bound to bones
+_NEAR = 2.0  # model frames; known tokens that are further apart tell no velocity
 _FACING = 4  # tokens on both sides of a gap's middle, over which the direction that the body faces is averaged
 
 
@@ -118,7 +119,16 @@ class GapView(NamedTuple):
         after = float(tokens.times[last + 1]) if last + 1 < len(tokens.times) else None
         own = slice(first - (before is not None), last + 1 + (after is not None))
         along = latents[own.start - self.rows.start : own.stop - self.rows.start]
-        return GapPath(tokens.times[gap], before, after, along.double().cpu().numpy(), tokens.times[own])
+        lone = [_is_lone(tokens, key, key - 1) for key in (first - 1,) if before is not None]
+        lone += [_is_lone(tokens, key, key + 1) for key in (last + 1,) if after is not None]
+        latents = along.double().cpu().numpy()
+        return GapPath(tokens.times[gap], before, after, latents, tokens.times[own], float(np.mean(lone or [1.0])))
+
+
+def _is_lone(tokens: Tokens, key: int, beyond: int) -> bool:
+    """Whether a key's neighbour on its other side does not tell its velocity."""
+    inside = 0 <= beyond < len(tokens.times) and bool(tokens.is_key[beyond])
+    return not inside or abs(float(tokens.times[beyond] - tokens.times[key])) > _NEAR
 
 
 def gap_view(pose: SkeletonPose, tokens: Tokens, gap: np.ndarray, drawn: DrawnPoints, context: int) -> GapView:

@@ -1,9 +1,9 @@
-"""The fit of a variation: the residuals' scale, their principal directions, and the covariance of their waves.
+"""The fit of a variation: the residuals' scale, their principal directions, and the strongest modes of their waves.
 
 The logarithm of a gap's root mean square residual is regressed on the features of the gap, for gaps between two keys
 and for gaps with one. Residuals are divided by that scale. Their principal directions over all tokens become E, and
-least squares gives each gap's coefficients of the waves, whose covariance over gaps is F F^T. All archives have the
-same weight.
+least squares gives each gap's coefficients of the waves. F has the strongest modes of these coefficients' covariance
+over gaps, in which all centroids together count as a share of the power of all latents. Archives weigh the same.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stages.shared.inference.variation import FEATURES, WAVES, GapPath, Variation
+from stages.shared.inference.variation import CENTROID, FEATURES, WAVES, GapPath, Variation
 
-DIRECTIONS, RANK = 24, 48
+DIRECTIONS, MODES = 16, 8
+CENTROID_SHARE = 0.25
 _RIDGE = 1e-3
 
 
@@ -44,16 +45,20 @@ def fit_variation(residuals: Sequence[Residual], digest: str) -> Variation:
         [np.full(len(r.latents), w / len(r.latents)) for r, w in zip(residuals, weights, strict=True)]
     )
     directions = _principal(latents, each_token, DIRECTIONS)
+    centroids = np.concatenate([each.centroids / size for each, size in zip(residuals, sizes, strict=True)])
+    powers = [float(np.square(values).sum(1) @ each_token) for values in (latents, centroids)]
+    units = np.ones(DIRECTIONS + CENTROID)  # of the coefficients in the covariance
+    units[-CENTROID:] = np.sqrt(CENTROID_SHARE * powers[0] / max(powers[1], 1e-12))
     found, of_found = [], []
     for each, size, weight in zip(residuals, sizes, weights, strict=True):
         if len(each.latents) >= 2 * WAVES:
             values = np.concatenate([each.latents @ directions.T, each.centroids], -1) / size
-            found.append(_coefficients(each.gap.waves(), values))
+            found.append(_coefficients(each.gap.waves(), values) * units)
             of_found.append(weight)
     if not found:
         raise ValueError("no gap is long enough")
-    rows = np.stack(found).reshape(len(found), -1)
-    return Variation(directions, _factor(rows, np.array(of_found)), scale, digest)
+    factor = _factor(np.stack(found), np.array(of_found)) / units[:, None]
+    return Variation(directions, factor, scale, digest)
 
 
 def _archive_weights(residuals: Sequence[Residual]) -> np.ndarray:
@@ -92,14 +97,10 @@ def _coefficients(waves: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(waves, values, rcond=None)[0]
 
 
-def _factor(rows: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(WAVES, R + 3, M) F of low rank, with F F^T near the second moments of rows (N, WAVES * (R + 3)); what the rank
-    leaves out of each coefficient's power is given back to it."""
-    shares = weights / weights.sum()
-    moments = (rows * shares[:, None]).T @ rows
-    powers = np.sqrt(np.maximum(np.diag(moments), 1e-12))
-    values, vectors = np.linalg.eigh(moments / np.outer(powers, powers))
-    kept = slice(-min(RANK, len(rows)), None)
-    factor = vectors[:, kept] * np.sqrt(np.maximum(values[kept], 0))
-    factor *= (powers / np.maximum(np.linalg.norm(factor, axis=1), 1e-6))[:, None]
-    return factor.reshape(WAVES, -1, factor.shape[1])
+def _factor(coefficients: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(WAVES, R + 3, MODES) the strongest modes of coefficients (N, WAVES, R + 3), each as long as its deviation."""
+    rows = coefficients.reshape(len(coefficients), -1)
+    moments = (rows * (weights / weights.sum())[:, None]).T @ rows
+    values, vectors = np.linalg.eigh(moments)
+    factor = vectors[:, -MODES:] * np.sqrt(np.maximum(values[-MODES:], 0))
+    return factor.reshape(WAVES, coefficients.shape[2], -1)

@@ -75,8 +75,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
 
 def _terms(weights: np.ndarray) -> str:
-    constant, length, speed = weights
-    return f"{constant:.2f} {length:+.2f} log length {speed:+.2f} log speed"
+    constant, lone, length, speed = weights
+    return f"{constant:.2f} {lone:+.2f} lone {length:+.2f} log length {speed:+.2f} log speed"
 
 
 def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Window]]:
