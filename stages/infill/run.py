@@ -135,18 +135,18 @@ def fill_files(file: RowFile, config: Config, models: Models, also: Constraints 
     else:
         given, fixed = motion_of_keys(motion.at(region.of_all), region.keys - region.first, region.frames), None
     known = np.isin(np.arange(region.frames), region.keys - region.first)
-    variation = variation_of(models) if config.samples > 1 else None
-    fills = [_fill(skeleton, given, known, fixed, models, config)]
-    for number in range(2, config.samples + 1) if variation else ():
-        fills.append(
-            varied_fill(
-                skeleton, fills[0], known, models.autoencoder, variation, seeds=(config.seed, number),
-                points=config.points, options=FillOptions(foot_lock=config.foot_lock), fixed=fixed,
-            )
-        )  # fmt: skip
+    variations = [variation_of(models)] * (config.samples - 1) if config.samples > 1 else []
+    usual = _fill(skeleton, given, known, fixed, models, config)
+    others = [
+        varied_fill(
+            skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
+            points=config.points, options=FillOptions(foot_lock=config.foot_lock), fixed=fixed,
+        )
+        for number, variation in enumerate(variations, 2)
+    ]  # fmt: skip
     rows = request.key_rows[region.of_all]
     made = []
-    for filled in fills:
+    for filled in (usual, *others):
         speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
         data, losses = file.written(
             filled.motion, region.first, region.keys, rows, request.kept, request.frames, parts

@@ -113,11 +113,13 @@ def _sampled(config: Config, row: ClipRow, skeleton: Skeleton, motion: Motion, b
 
 def _sampled_elsewhere(config: Config, digest: str, clip: str) -> list[SampledClip]:
     """`sampled_clip` in another process, which keeps the artefact of that digest open for further clips."""
-    return sampled_clip(*_opened(config, digest), config, clip)
+    return sampled_clip(*_opened(config.model_dump_json(), digest), config, clip)
 
 
 @lru_cache(maxsize=1)
-def _opened(config: Config, digest: str) -> tuple[MotionReader, Mapping[str, _Body], Rigs]:
+def _opened(settings: str, digest: str) -> tuple[MotionReader, Mapping[str, _Body], Rigs]:
+    """Of a config as JSON; `digest` is that of its motion artefact."""
+    config = Config.model_validate_json(settings)
     reader = MotionReader(config.motion)
     rigs = _rigs(reader, config)
     return reader, _bodies(reader, config, rigs), rigs

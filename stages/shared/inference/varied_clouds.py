@@ -121,8 +121,8 @@ class GapView(NamedTuple):
         along = latents[own.start - self.rows.start : own.stop - self.rows.start]
         lone = [_is_lone(tokens, key, key - 1) for key in (first - 1,) if before is not None]
         lone += [_is_lone(tokens, key, key + 1) for key in (last + 1,) if after is not None]
-        latents = along.double().cpu().numpy()
-        return GapPath(tokens.times[gap], before, after, latents, tokens.times[own], float(np.mean(lone or [1.0])))
+        seen = along.double().cpu().numpy()
+        return GapPath(tokens.times[gap], before, after, seen, tokens.times[own], float(np.mean(lone or [1.0])))
 
 
 def _is_lone(tokens: Tokens, key: int, beyond: int) -> bool:
