@@ -1,10 +1,9 @@
 """How different the fills of `pumps infill --samples` are, how near the best of them is, and how they move.
 
-    python benchmarks/several_fills.py MOTION ... [--samples 5] [--windows 2] [--weights NAME] [--page FILE.md]
+    python benchmarks/several_fills.py MOTION ... [--archives NAME ...] [--samples 5] [--windows 2] [--page FILE.md]
 
 MOTION are motion artefacts (`pumps ingest`); windows of their clips of the split `test` are filled. Distances and
-errors are means over the missing frames and the body's joints. Archives have the same weight. Two ways are compared:
-`usual` fills again, each time from other points, and `--samples` draws residuals.
+errors are means over the missing frames and the body's joints. Archives have the same weight.
 """
 
 from __future__ import annotations
@@ -42,35 +41,23 @@ TASKS = (
 )
 OPTIONS = FillOptions(foot_lock=True)
 MARK = "several fills"
-WAYS = ("other points", "`--samples`")
 COLUMNS = ("usual_mm", "mean_mm", "best_mm", "apart_mm", "jerk", "skate", "usual_jerk", "usual_skate", "true_jerk",
            "true_skate")  # fmt: skip
 
-Figures = dict[tuple[str, str, str], list[dict[str, float]]]  # task, way and archive -> those of each window
+Figures = dict[tuple[str, str], list[dict[str, float]]]  # task and archive -> those of each window
 
 
-def filled(skeleton: Skeleton, truth: Motion, known: np.ndarray, models: Models, seed: int) -> Filled:
-    """The usual fill; it reads the known frames alone."""
-    source, device = SynthesisedClouds(models), models.autoencoder.device
-    return fill_motion(skeleton, truth, known, source, seed=seed, device=device, options=OPTIONS)
-
-
-def fills_of(
-    way: str, skeleton: Skeleton, truth: Motion, known: np.ndarray, models: Models, count: int
-) -> list[Filled]:
-    """The usual fill first, then others."""
-    fills = [filled(skeleton, truth, known, models, 0)]
-    for number in range(2, count + 1):
-        if way == WAYS[0]:
-            fills.append(filled(skeleton, truth, known, models, number))
-        else:
-            variation = variation_of(models)
-            fills.append(
-                varied_fill(
-                    skeleton, fills[0], known, models.autoencoder, variation, seeds=(0, number), options=OPTIONS
-                )
-            )
-    return fills
+def fills_of(skeleton: Skeleton, truth: Motion, known: np.ndarray, models: Models, count: int) -> list[Filled]:
+    """The usual fill, which reads the known frames alone, and then others."""
+    source, coder, variation = SynthesisedClouds(models), models.autoencoder, variation_of(models)
+    usual = fill_motion(skeleton, truth, known, source, device=coder.device, options=OPTIONS)
+    return [
+        usual,
+        *(
+            varied_fill(skeleton, usual, known, coder, variation, seeds=(0, number), options=OPTIONS)
+            for number in range(2, count + 1)
+        ),
+    ]
 
 
 def measured(skeleton: Skeleton, truth: Motion, known: np.ndarray, fills: list[Filled]) -> dict[str, float]:
@@ -104,14 +91,14 @@ def _moves(places: np.ndarray, feet: TrueFeet | None, missing: np.ndarray, body:
     return jerk, float(foot_skate_mps(places[None][:, :, feet.joints], feet.contacts, missing)[0])
 
 
-def measure(paths: list[Path], models: Models, count: int, most: int) -> Figures:
-    """All windows of all artefacts."""
+def measure(paths: list[Path], models: Models, chosen: list[str], count: int, most: int) -> Figures:
+    """Windows of all artefacts; `chosen` archives, or all where none is named."""
     found: Figures = defaultdict(list)
     for path in paths:
         with MotionReader(path) as reader:
             archives: dict[str, list[ClipRow]] = defaultdict(list)
             for row in reader.clips:
-                if row.split == "test":
+                if row.split == "test" and (not chosen or archive_of(row) in chosen):
                     archives[archive_of(row)].append(row)
             for archive, rows in sorted(archives.items()):
                 for task in TASKS:
@@ -120,31 +107,30 @@ def measure(paths: list[Path], models: Models, count: int, most: int) -> Figures
                         row = reader.row(window.clip)
                         truth = resample(reader.motion(row.clip), MODEL_FPS).at(window.span)
                         skeleton, known = reader.skeleton(row.skeleton), task.known(truth.frames)
-                        for way in WAYS:
-                            fills = fills_of(way, skeleton, truth, known, models, count)
-                            name = f"{task.name} {task.interval}"
-                            found[name, way, archive].append(measured(skeleton, truth, known, fills))
-                print(f"{archive}: done", flush=True)
+                        fills = fills_of(skeleton, truth, known, models, count)
+                        name = f"{task.name} {task.interval}"
+                        found[name, archive].append(measured(skeleton, truth, known, fills))
+                    print(f"{archive}, {task.name} {task.interval}: done", flush=True)
     return found
 
 
 def table(found: Figures, count: int) -> str:
     """The figures as markdown, means over archives."""
     lines = [
-        f"| task | fills | usual, mm | others, mm | best of {count}, mm | apart, mm | jerk, m/s³ (usual, true) "
+        f"| task | usual, mm | others, mm | best of {count}, mm | apart, mm | jerk, m/s³ (usual, true) "
         "| foot skate, m/s (usual, true) |",
-        "|---|---|---:|---:|---:|---:|---:|---:|",
+        "|---|---:|---:|---:|---:|---:|---:|",
     ]
-    for task, way in dict.fromkeys((task, way) for task, way, _ in found):
-        archives = [rows for (a, b, _), rows in found.items() if (a, b) == (task, way)]
+    for task in dict.fromkeys(task for task, _ in found):
+        archives = [rows for (name, _), rows in found.items() if name == task]
         of = {name: np.nanmean([_mean(rows, name) for rows in archives]) for name in COLUMNS}
         lines.append(
-            f"| {task} | {way} | {of['usual_mm']:.1f} | {of['mean_mm']:.1f} | {of['best_mm']:.1f} | "
+            f"| {task} | {of['usual_mm']:.1f} | {of['mean_mm']:.1f} | {of['best_mm']:.1f} | "
             f"{of['apart_mm']:.1f} | {of['jerk']:.0f} ({of['usual_jerk']:.0f}, {of['true_jerk']:.0f}) | "
             f"{of['skate']:.3f} ({of['usual_skate']:.3f}, {of['true_skate']:.3f}) |"
         )
-    windows = sum(len(rows) for (_, way, _), rows in found.items() if way == WAYS[0])
-    archives = sorted({archive for *_, archive in found})
+    windows = sum(len(rows) for rows in found.values())
+    archives = sorted({archive for _, archive in found})
     return "\n".join([*lines, "", f"{windows} windows of {', '.join(archives)}."])
 
 
@@ -156,12 +142,15 @@ def _mean(rows: list[dict[str, float]], name: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("motion", nargs="+", type=Path)
+    parser.add_argument("--archives", nargs="*", default=[], help="those to measure; all by default")
     parser.add_argument("--samples", type=int, default=5)
     parser.add_argument("--windows", type=int, default=2, help="of each archive and task")
     parser.add_argument("--weights", default=default_weights())
     parser.add_argument("--page", type=Path, help="page whose section gets the table")
     given = parser.parse_args()
-    text = table(measure(given.motion, load_weights(given.weights), given.samples, given.windows), given.samples)
+    models = load_weights(given.weights)
+    found = measure(given.motion, models, given.archives, given.samples, given.windows)
+    text = table(found, given.samples)
     print(text)
     if given.page:
         replace_section(given.page, MARK, text)
