@@ -80,6 +80,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_output(output, data)
     progress.advance(note="written")
     report = _report(config, made[0], models, converted[0][1], time.perf_counter() - started)
+    if len(made) == 1:
+        return report
     missing = made[0].request.missing - made[0].region.first
     return with_samples(report, outputs, made[0].skeleton, [each.filled for each in made], missing)
 

@@ -18,8 +18,6 @@ def with_samples(
 ) -> StageReport:
     """The report of the first fill, with a line and figures for each of several; `missing` (M,) are the frames that
     were filled."""
-    if len(fills) == 1:
-        return report
     apart = distances_mm(skeleton, fills, missing)
     rows = [
         {
