@@ -16,7 +16,7 @@ from __future__ import annotations
 from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.version import PUMPS_VERSION as __version__
 from pumps.files import load, load_clips, read_clips, save, write_clips
-from pumps.filling import infill, retarget
+from pumps.filling import infill, infill_samples, retarget
 from pumps.motion import Motion
 from stages.shared.threads import let_waiting_threads_sleep
 
@@ -27,6 +27,7 @@ __all__ = [
     "UsageError",
     "__version__",
     "infill",
+    "infill_samples",
     "load",
     "load_clips",
     "read_clips",

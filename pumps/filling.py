@@ -67,15 +67,64 @@ def infill(
     Raises: UsageError where nothing says which frames are keys, or two arguments do; InputError for frames that are
         not in the motion, for constraints that contradict each other, and for weights that are not there.
     """
+    asked = (keyframes, transition, predict, frames, times, keep, pins, path, lock, constraints)
+    return _infilled(motion, 1, asked, weights, foot_lock, points, seed, device)[0]
+
+
+@one_thread_if_they_spin()
+def infill_samples(
+    motion: Motion,
+    samples: int,
+    keyframes: Frames | Mapping[str, Frames] | None = None,
+    *,
+    transition: str | tuple[int, int] | None = None,
+    predict: int | None = None,
+    frames: Frames | None = None,
+    times: Times | None = None,
+    keep: Ranges | None = None,
+    pins: Ranges | None = None,
+    path: PathPlaces | None = None,
+    lock: Ranges | None = None,
+    constraints: Mapping[str, Any] | str | os.PathLike[str] | None = None,
+    weights: str | os.PathLike[str] | None = None,
+    foot_lock: bool = True,
+    points: int = 256,
+    seed: int = 0,
+    device: str = "auto",
+) -> list[Motion]:
+    """Different plausible fills of the same gaps, as `pumps infill --samples` makes them.
+
+    Args:
+        samples: how many, 1 or more. The others are as of `infill`.
+
+    Returns: the fill that `infill` returns first, then the others. All have the same key rows.
+    Raises: as `infill`; InputError for weights that do not hold how motions vary.
+    """
+    asked = (keyframes, transition, predict, frames, times, keep, pins, path, lock, constraints)
+    return _infilled(motion, samples, asked, weights, foot_lock, points, seed, device)
+
+
+def _infilled(
+    motion: Motion,
+    samples: int,
+    asked: tuple[Any, ...],
+    weights: str | os.PathLike[str] | None,
+    foot_lock: bool,
+    points: int,
+    seed: int,
+    device: str,
+) -> list[Motion]:
+    """The fills of `infill_samples`; `asked` holds its arguments from `keyframes` to `constraints`."""
     from stages.infill.config import Config
     from stages.infill.row_files import row_file
-    from stages.infill.run import fill_file
+    from stages.infill.run import fill_files
     from stages.shared.formats.bvh_of_motion import bvh_of_motion
     from stages.shared.formats.sources import Source
     from stages.shared.inference.kept_models import kept_models
     from stages.shared.settings.layers import Layer, settle
     from stages.shared.weights.shipped import default_weights
 
+    keyframes, transition, predict, frames, times, keep, pins, path, lock, constraints = asked
     data = motion.source or bvh_of_motion(motion.skeleton, motion.record, motion.name)
     here = Path(f"{motion.name}.bvh")
     settings = {
@@ -93,6 +142,7 @@ def infill(
         "times": _text_of("times", times, whole=False),
         "up_axis": motion.skeleton.up_axis if motion.up_axis else None,  # of the BVH that is filled
         "weights": os.fspath(weights or default_weights()),
+        "samples": samples,
         "foot_lock": foot_lock,
         "points": points,
         "seed": seed,
@@ -101,9 +151,11 @@ def infill(
     config = settle(Config, [Layer("arguments", settings)], what="pumps infill")
     models = kept_models(config.weights, device)
     file = row_file(Source(here.name, "", here.name, len(data)), config, data)
-    made = fill_file(file, config, models, _constraints_of(path, constraints))
-    skeleton, record = file.motion_in(made.data)
-    return replace(motion, skeleton=skeleton, record=record, notes=made.notes, source=made.data)
+    fills = []
+    for made in fill_files(file, config, models, _constraints_of(path, constraints)):
+        skeleton, record = file.motion_in(made.data)
+        fills.append(replace(motion, skeleton=skeleton, record=record, notes=made.notes, source=made.data))
+    return fills
 
 
 @one_thread_if_they_spin()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import lru_cache, partial
+from pathlib import Path
+
 import numpy as np
 import torch
 
@@ -10,8 +13,9 @@ from data_schemas.latent import LatentWriter
 from data_schemas.tpc import TpcReader
 from stages.encode.config import Config
 from stages.shared.contract import StageReport
-from stages.shared.inference.models import load_autoencoder
+from stages.shared.inference.models import Autoencoder, load_autoencoder
 from stages.shared.outputs import check_artefact
+from stages.shared.pools import all_results, cluster_or_none
 from stages.shared.progress import SILENT, Progress
 
 
@@ -33,15 +37,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             ) as draft,
             LatentWriter(draft.folder, encoder_digest=autoencoder.digest) as writer,
         ):
-            for row in rows:
-                points, groups = reader.points(row.clip)
-                if config.points:
-                    points, groups = points[:, : config.points], groups[: config.points]
-                latents, centroids = autoencoder.encode(torch.from_numpy(points), torch.from_numpy(groups).long())
-                width = np.float16 if config.half else np.float32
-                writer.add(row, latents.cpu().numpy().astype(width), centroids.cpu().numpy())
-                frames += row.frames
-                progress.advance(row.frames)
+            with cluster_or_none(config.cluster) as pool:
+                here = partial(_encoded, reader, autoencoder, config)
+                elsewhere = partial(encode_clip, config, tuple(each.manifest.digest for each in inputs))
+                clips = [row.clip for row in rows]
+                encoded = all_results(pool, here if pool is None else elsewhere, clips)
+                for row, (latents, centroids) in zip(rows, encoded, strict=True):
+                    writer.add(row, latents, centroids)
+                    frames += row.frames
+                    progress.advance(row.frames)
             draft.summary.update(clips=len(rows), frames=frames)
         return StageReport(
             output=config.output,
@@ -50,3 +54,24 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             ],
             figures={"clips": len(rows), "frames": frames},
         )
+
+
+def _encoded(reader: TpcReader, autoencoder: Autoencoder, config: Config, clip: str) -> tuple[np.ndarray, np.ndarray]:
+    """Latents (T, D), in the width that is stored, and centroids (T, 3) of a clip."""
+    points, groups = reader.points(clip)
+    if config.points:
+        points, groups = points[:, : config.points], groups[: config.points]
+    latents, centroids = autoencoder.encode(torch.from_numpy(points), torch.from_numpy(groups).long())
+    width = np.float16 if config.half else np.float32
+    return latents.cpu().numpy().astype(width), centroids.cpu().numpy()
+
+
+def encode_clip(config: Config, digests: tuple[str, ...], clip: str) -> tuple[np.ndarray, np.ndarray]:
+    """The same in another process, which keeps the artefact and the autoencoder open for further clips; `digests` are
+    theirs."""
+    return _encoded(*_opened(config.tpc, config.ae, config.device, digests), config, clip)
+
+
+@lru_cache(maxsize=1)
+def _opened(tpc: Path, ae: Path, device: str, digests: tuple[str, ...]) -> tuple[TpcReader, Autoencoder]:
+    return TpcReader(tpc), load_autoencoder(ae, device)

@@ -75,5 +75,18 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
     skeleton_map: Path | None = Field(
         None, description="TOML that assigns joints to parts of the body (`pumps inspect FILE --map` prints one)."
     )
+    samples: int = Field(
+        1,
+        description="Number of different plausible fills. The first is the usual one; of several, NAME-1.bvh, "
+        "NAME-2.bvh and so on are written.",
+        ge=1,
+        le=1000,
+    )
     foot_lock: bool = Field(True, description="Keep planted feet in place by adjusting the legs.")
     points: int = Field(256, description="Points per cloud.", ge=16, le=100_000)
+
+    def outputs_of(self, output: Path) -> tuple[Path, ...]:
+        """`clip.bvh`, or `clip-1.bvh`, `clip-2.bvh` and so on where several fills are wanted."""
+        if self.samples == 1:
+            return (output,)
+        return tuple(output.with_name(f"{output.stem}-{n}{output.suffix}") for n in range(1, self.samples + 1))

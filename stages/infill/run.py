@@ -21,6 +21,7 @@ from stages.infill.constrained import (
 )
 from stages.infill.request import Request, request_of
 from stages.infill.row_files import RowFile, row_file
+from stages.infill.samples import with_samples
 from stages.infill.summary import (
     fallbacks_of,
     line_of_skate,
@@ -40,6 +41,8 @@ from stages.shared.inference.filled import Filled
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.kept_models import kept_models
 from stages.shared.inference.models import Models
+from stages.shared.inference.variation import variation_of
+from stages.shared.inference.varied_fills import varied_fill
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.many_files.file_runs import over_files
@@ -63,17 +66,24 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: UsageError for options that contradict each other; InputError for a file, frames or weights that are bad.
     """
     started = time.perf_counter()
-    check_file(config, SUFFIXES.values())
+    outputs = config.outputs_of(config.output)
+    for output in outputs:
+        check_file(config.model_copy(update={"output": output}), SUFFIXES.values())
     file = row_file(source_named(str(config.input)), config)
     progress.start("filling", 3)
     models = kept_models(config.weights, config.device)
     progress.advance(note="weights")
-    made = fill_file(file, config, models)
+    made = fill_files(file, config, models)
     progress.advance(note="filled")
-    data, losses = _in_format_of(config.output, file, made)
-    write_output(config.output, data)
+    converted = [_in_format_of(output, file, each) for output, each in zip(outputs, made, strict=True)]
+    for output, (data, _) in zip(outputs, converted, strict=True):
+        write_output(output, data)
     progress.advance(note="written")
-    return _report(config, made, models, losses, time.perf_counter() - started)
+    report = _report(config, made[0], models, converted[0][1], time.perf_counter() - started)
+    if len(made) == 1:
+        return report
+    missing = made[0].request.missing - made[0].region.first
+    return with_samples(report, outputs, made[0].skeleton, [each.filled for each in made], missing)
 
 
 @dataclass(frozen=True)
@@ -92,14 +102,16 @@ class FilledFile:
     notes: tuple[str, ...]
 
 
-def fill_file(file: RowFile, config: Config, models: Models, also: Constraints | None = None) -> FilledFile:
-    """Fill a file of rows between its keys. Rows that are neither keys nor outside of them are not read.
+def fill_files(file: RowFile, config: Config, models: Models, also: Constraints | None = None) -> list[FilledFile]:
+    """Fill a file of rows between its keys, `config.samples` times. Rows between keys are not read.
 
     Args:
         config: which frames are keys, and how to fill; its input, output and weights are not looked at.
         also: constraints beside those of the config.
 
-    Raises: UsageError for options that contradict each other; InputError for bad rows or frames.
+    Returns: the usual fill first, then others, each with a residual of its own (`varied_fill`).
+    Raises: UsageError for options that contradict each other; InputError for bad rows or frames, and for weights that
+        do not hold how motions vary.
     """
     if config.fps_override is not None and not 0 < config.fps_override < 1e6:
         raise UsageError(f"--fps-override {config.fps_override} is not a frame rate.", "Give frames a second.")
@@ -125,11 +137,25 @@ def fill_file(file: RowFile, config: Config, models: Models, also: Constraints |
     else:
         given, fixed = motion_of_keys(motion.at(region.of_all), region.keys - region.first, region.frames), None
     known = np.isin(np.arange(region.frames), region.keys - region.first)
-    filled = _fill(skeleton, given, known, fixed, models, config)
-    speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
+    variations = [variation_of(models)] * (config.samples - 1) if config.samples > 1 else []
+    usual = _fill(skeleton, given, known, fixed, models, config)
+    others = [
+        varied_fill(
+            skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
+            points=config.points, options=FillOptions(foot_lock=config.foot_lock), fixed=fixed,
+        )
+        for number, variation in enumerate(variations, 2)
+    ]  # fmt: skip
     rows = request.key_rows[region.of_all]
-    data, losses = file.written(filled.motion, region.first, region.keys, rows, request.kept, request.frames, parts)
-    return FilledFile(data, request, region, skeleton, filled, (*notes, *asked_notes, *speeds, *losses))
+    made = []
+    for filled in (usual, *others):
+        speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
+        data, losses = file.written(
+            filled.motion, region.first, region.keys, rows, request.kept, request.frames, parts
+        )
+        said = (*notes, *asked_notes, *speeds, *losses)
+        made.append(FilledFile(data, request, region, skeleton, filled, said))
+    return made
 
 
 def _in_format_of(output: Path, file: RowFile, made: FilledFile) -> tuple[bytes, list[str]]:

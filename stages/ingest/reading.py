@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from itertools import tee
 
 from data_schemas.errors import InputError
 from data_schemas.motion import fault_of_motion, fault_of_skeleton
@@ -18,7 +19,8 @@ from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.sources import Source
 from stages.shared.humanoid.motion_quality import measure_quality
 from stages.shared.kinematics.forward_numpy import positions_of
-from stages.shared.threads import cores, process_context
+from stages.shared.pools import TaskDied, cluster_pool, process_pool, results_in_order
+from stages.shared.threads import cores
 
 LEAST_FRAMES = 2
 _BATCH_BYTES = 2 << 20
@@ -111,8 +113,12 @@ def quality_of(recording: Recording) -> MotionQuality:
     return measure_quality(skeleton, motion, positions_of(skeleton, motion), recording.repaired_frames)
 
 
-def read_all(jobs: Sequence[Job], workers: int) -> Iterator[Outcome]:
-    """Outcomes of all jobs, in order. `workers` processes, 0 for one per core."""
+def read_all(jobs: Sequence[Job], workers: int, cluster: str | None = None) -> Iterator[Outcome]:
+    """Outcomes of all jobs, in order. `workers` processes, 0 for one per core; or the workers of a cluster."""
+    if cluster is not None:
+        with cluster_pool(cluster) as pool:
+            yield from _read_in_cluster(jobs, pool)
+        return
     count = workers or cores()
     if count <= 1 or sum(job.source.size for job in jobs) < _POOL_FROM_BYTES:
         yield from map(read_one, jobs)
@@ -125,7 +131,7 @@ def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
     batches = _batches(jobs)
     # A short queue of outcomes keeps the processes busy and takes little memory.
     waiting: deque[tuple[list[Job], Future[list[Outcome]] | None]] = deque()
-    pool = _pool(count)
+    pool = process_pool(count)
     try:
         while True:
             while len(waiting) <= 3 * count and (batch := next(batches, None)) is not None:
@@ -139,34 +145,44 @@ def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
                 for lost, theirs in [(batch, None), *waiting]:
                     yield from _result(theirs) or _read_apart(lost)
                 waiting.clear()
-                pool = _pool(count)
+                pool = process_pool(count)
             else:
                 yield from outcomes
     finally:
         pool.shutdown(cancel_futures=True)
 
 
+def _read_in_cluster(jobs: Sequence[Job], pool: Executor) -> Iterator[Outcome]:
+    """Outcomes of all jobs, in order. A batch that workers died of is read again, each job by itself."""
+    batches, same = tee(_batches(jobs))
+    for batch, outcomes in zip(same, results_in_order(pool, _read_batch, batches), strict=True):
+        if not isinstance(outcomes, TaskDied):
+            yield from outcomes
+            continue
+        for job, alone in zip(batch, results_in_order(pool, read_one, batch, ahead=1), strict=True):
+            yield _died(job.source) if isinstance(alone, TaskDied) else alone
+
+
 def _read_apart(jobs: Sequence[Job]) -> Iterator[Outcome]:
     """Outcomes of a batch, read in a new process; if that dies too, each job in a process of its own."""
     for part in [jobs] if len(jobs) == 1 else [jobs, *([job] for job in jobs)]:
-        with _pool(1) as pool:
+        with process_pool(1) as pool:
             outcomes = _result(_submitted(pool, list(part)))
         if outcomes is not None:
             yield from outcomes
             if len(part) == len(jobs):
                 return
         elif len(part) == 1:
-            source = part[0].source
-            yield Outcome(
-                source,
-                "skipped",
-                reason=f"The process that read {source.name} was ended, perhaps for want of memory.",
-                hint="Give fewer --workers, or cut the file into shorter ones.",
-            )
+            yield _died(part[0].source)
 
 
-def _pool(count: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(count, mp_context=process_context())
+def _died(source: Source) -> Outcome:
+    return Outcome(
+        source,
+        "skipped",
+        reason=f"The process that read {source.name} was ended, perhaps for want of memory.",
+        hint="Give fewer --workers, or cut the file into shorter ones.",
+    )
 
 
 def _read_batch(jobs: Sequence[Job]) -> list[Outcome]:

@@ -55,7 +55,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         Job(source, config.format, _asked_of(source, asked, rates[source.name] or known.get(source.name)))
         for source in sources
     ]
-    units = usual_units(jobs, config.workers)
+    units = usual_units(jobs, config.workers, config.cluster)
     # Splits and units are found for all sources, so that they are the same in every part.
     jobs = [_with_units(job, units) for job in config.share_of(jobs)]
     sources = [job.source for job in jobs]
@@ -70,7 +70,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_artefact(config.output, "motion", stage="ingest", config=config, inputs=given_files(config)) as draft,
         MotionWriter(draft.folder) as writer,
     ):
-        for job, outcome in zip(jobs, read_all(jobs, config.workers), strict=True):
+        for job, outcome in zip(jobs, read_all(jobs, config.workers, config.cluster), strict=True):
             progress.advance(outcome.source.size / 1e6, PurePosixPath(outcome.source.member).name)
             if outcome.status == "skipped" and config.strict:
                 raise InputError(outcome.reason, outcome.hint)

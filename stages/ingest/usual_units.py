@@ -21,12 +21,12 @@ _LOOKED_AT = 16  # files of each data set
 Units = tuple[tuple[tuple[str, ...], float], ...]  # rigs, as `rig_key` names them, with metres in their unit
 
 
-def usual_units(jobs: Sequence[Job], workers: int) -> Mapping[str, Units]:
+def usual_units(jobs: Sequence[Job], workers: int, cluster: str | None = None) -> Mapping[str, Units]:
     """For each data set with several files of positions: its rigs and their usual units.
 
     Args:
         jobs: all recordings that are ingested, in the order of their names.
-        workers: processes that read, 0 for one per core.
+        workers: processes that read, 0 for one per core. cluster: as of `read_all`.
     """
     suffixes = format_named(FORMAT).suffixes
     groups: dict[str, list[Job]] = {}
@@ -41,7 +41,7 @@ def usual_units(jobs: Sequence[Job], workers: int) -> Mapping[str, Units]:
     ]
     looked_at = [job for job in looked_at if _holds_positions(job)]
     votes: dict[str, dict[tuple[str, ...], Counter[float]]] = {}
-    for outcome in read_all(looked_at, workers):
+    for outcome in read_all(looked_at, workers, cluster):
         if outcome.format == FORMAT:
             rigs = votes.setdefault(outcome.source.data_set, {})
             for recording in outcome.recordings:

@@ -252,6 +252,12 @@ STAGES: tuple[Stage, ...] = (
         arguments=("weights",), pipeline=False,
     ),
     Stage(
+        ("weights", "vary"),
+        "Learn how true motions vary around what weights fill, for `pumps infill --samples`, and store it with them.",
+        ("checkpoint", "motion"), "", "pumps weights vary runs/mine --motion runs/mine/ingest",
+        arguments=("weights",), pipeline=False,
+    ),
+    Stage(
         ("weights", "pack"),
         "Make the networks of a run small enough to share, with one model card.",
         ("checkpoint",), "checkpoint", "pumps weights pack runs/mine -o weights/mine",

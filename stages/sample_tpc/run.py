@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from stages.shared.kinematics.forward import positions_of
 from stages.shared.kinematics.resampling import resample
 from stages.shared.outputs import check_artefact
 from stages.shared.pointcloud.bones import bone_set
+from stages.shared.pools import all_results, cluster_or_none
 from stages.shared.progress import SILENT, Progress
 
 
@@ -45,29 +48,27 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_artefact(config.output, "tpc", stage="sample-tpc", config=config, inputs=[artefact]) as draft,
         TpcWriter(draft.folder, packed=config.pack) as writer,
     ):
-        chosen = clips_where(reader.clips, config.where)
-        rows = config.share_of(chosen)
-        # Neither a clip nor a rig that is held out of training is used.
-        training = [row for row in chosen if row.split == "train"] if config.mixed_rigs else []
-        rigs = rigs_of(reader, training) if training else Rigs({}, {})
-        bodies = {}
-        for name in sorted({*(row.skeleton for row in rows), *rigs.skeletons}):
-            bodies[name] = _Body(*bone_set(reader.skeleton(name), config.points, config.seed))
+        rows = config.share_of(clips_where(reader.clips, config.where))
+        rigs = _rigs(reader, config)
+        bodies = _bodies(reader, config, rigs)
+        for name, body in bodies.items():
             if not config.bake:
-                writer.add_bones(bodies[name].bones, name)
+                writer.add_bones(body.bones, name)
         progress.start("Sampling clouds", total=len(rows))
-        for row in rows:
-            motion = reader.motion(row.clip)
-            others = (
-                on_another_rig(reader, row, motion, rigs, config.seed, config.mixed_rigs)
-                if row.split == "train"
-                else ()
-            )
-            for here, moved in ((row, motion), *others):
-                frames += _add(writer, config, here, reader.skeleton(here.skeleton), moved, bodies[here.skeleton])
-                clips += 1
-                carried += here is not row
-            progress.advance(1, row.clip)
+        here = partial(sampled_clip, reader, bodies, rigs, config)
+        elsewhere = partial(_sampled_elsewhere, config, artefact.manifest.digest)
+        with cluster_or_none(config.cluster) as pool:
+            sampled = all_results(pool, here if pool is None else elsewhere, [row.clip for row in rows])
+            for row, found in zip(rows, sampled, strict=True):
+                for made in found:
+                    if made.points is not None:
+                        writer.add_dense(made.row, made.points, _point_groups(bodies[made.body]))
+                    else:
+                        writer.add_rigid(made.row, made.heads, made.rotations)
+                    frames += made.row.frames
+                    clips += 1
+                carried += len(found) - 1
+                progress.advance(1, row.clip)
         draft.summary |= {"clips": clips, "frames": frames, "points": config.points, "on_other_rigs": carried}
     layout = "baked positions" if config.bake else "bones' transforms" + (", packed" if config.pack else "")
     lines = [f"{clips} clips, {frames} frames at {config.fps:g} fps, {config.points} points, {layout}."]
@@ -77,15 +78,66 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     return StageReport(output=config.output, lines=lines, figures=figures)
 
 
-def _add(writer: TpcWriter, config: Config, row: ClipRow, skeleton: Skeleton, motion: Motion, body: _Body) -> int:
-    """Store one clip at the rate asked for; returns its number of frames there."""
+@dataclass(frozen=True)
+class SampledClip:
+    """A clip at the rate asked for, on the body of the name `body`: heads (T, B, 3) metres and rotations (T, B, 4) of
+    its bones, or, baked, points (T, P, 3)."""
+
+    row: ClipRow
+    body: str
+    heads: np.ndarray
+    rotations: np.ndarray
+    points: np.ndarray | None
+
+
+def sampled_clip(
+    reader: MotionReader, bodies: Mapping[str, _Body], rigs: Rigs, config: Config, clip: str
+) -> list[SampledClip]:
+    """A clip, and the same on other rigs of the collection where it is chosen for that."""
+    row, motion = reader.row(clip), reader.motion(clip)
+    others = on_another_rig(reader, row, motion, rigs, config.seed, config.mixed_rigs) if row.split == "train" else ()
+    return [
+        _sampled(config, here, reader.skeleton(here.skeleton), moved, bodies[here.skeleton])
+        for here, moved in ((row, motion), *others)
+    ]
+
+
+def _sampled(config: Config, row: ClipRow, skeleton: Skeleton, motion: Motion, body: _Body) -> SampledClip:
     motion = resample(motion, config.fps)
-    row = replace(row, frames=motion.frames, fps=config.fps, seconds=motion.frames / config.fps)
+    made = replace(row, frames=motion.frames, fps=config.fps, seconds=motion.frames / config.fps)
     heads = positions_of(skeleton, motion)[:, body.joints]
     rotations = motion.rotations[:, body.joints]
-    if config.bake:
-        points = place_points(body.bones, heads, rotations, config.sigma_m)
-        writer.add_dense(replace(row, skeleton=""), points, body.bones.groups[body.bones.point_bones])
-    else:
-        writer.add_rigid(row, heads, rotations)
-    return motion.frames
+    points = place_points(body.bones, heads, rotations, config.sigma_m) if config.bake else None
+    return SampledClip(replace(made, skeleton="") if config.bake else made, row.skeleton, heads, rotations, points)
+
+
+def _sampled_elsewhere(config: Config, digest: str, clip: str) -> list[SampledClip]:
+    """`sampled_clip` in another process, which keeps the artefact of that digest open for further clips."""
+    return sampled_clip(*_opened(config.model_dump_json(), digest), config, clip)
+
+
+@lru_cache(maxsize=1)
+def _opened(settings: str, digest: str) -> tuple[MotionReader, Mapping[str, _Body], Rigs]:
+    """Of a config as JSON; `digest` is that of its motion artefact."""
+    config = Config.model_validate_json(settings)
+    reader = MotionReader(config.motion)
+    rigs = _rigs(reader, config)
+    return reader, _bodies(reader, config, rigs), rigs
+
+
+def _rigs(reader: MotionReader, config: Config) -> Rigs:
+    """The rigs that training clips are put on. Neither a clip nor a rig that is held out of training is used."""
+    chosen = clips_where(reader.clips, config.where)
+    training = [row for row in chosen if row.split == "train"] if config.mixed_rigs else []
+    return rigs_of(reader, training) if training else Rigs({}, {})
+
+
+def _bodies(reader: MotionReader, config: Config, rigs: Rigs) -> dict[str, _Body]:
+    """The bone sets of all skeletons that are used. Points are drawn from the seed alone."""
+    rows = config.share_of(clips_where(reader.clips, config.where))
+    names = sorted({*(row.skeleton for row in rows), *rigs.skeletons})
+    return {name: _Body(*bone_set(reader.skeleton(name), config.points, config.seed)) for name in names}
+
+
+def _point_groups(body: _Body) -> np.ndarray:
+    return body.bones.groups[body.bones.point_bones]

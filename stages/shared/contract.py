@@ -39,7 +39,18 @@ class WritingConfig(StageConfig):
     overwrite: bool = Field(False, exclude=True, description="Replace an output that exists.")
 
 
-class ManyFilesConfig(WritingConfig):
+class ClusterConfig(StageConfig):
+    """A stage over many files or clips, whose work the machines of a cluster may share."""
+
+    cluster: str | None = Field(
+        None,
+        exclude=True,  # It does not change the result.
+        description="Address of a Dask scheduler whose workers share the work, such as tcp://host:8786 (extra "
+        "`pumps[cluster]`).",
+    )
+
+
+class ManyFilesConfig(WritingConfig, ClusterConfig):
     """A stage that makes one file from another. Given a folder, glob or archive, it makes a file in the output folder
     from each."""
 
@@ -56,6 +67,10 @@ class ManyFilesConfig(WritingConfig):
         "input's own where pumps writes it, else .bvh.",
     )
 
+    def outputs_of(self, output: Path) -> tuple[Path, ...]:
+        """The files that are written where `output` is asked for."""
+        return (output,)
+
 
 class DeviceConfig(StageConfig):
     """A stage that runs a network."""
@@ -67,8 +82,8 @@ class DeviceConfig(StageConfig):
     )
 
 
-class ShardedConfig(StageConfig):
-    """A stage over many files or clips, which several machines may share."""
+class ShardedConfig(ClusterConfig):
+    """A stage over many files or clips, which several machines may share without a cluster too."""
 
     shard: str | None = Field(
         None, description="Do one part alone, as 2/5 for the second of five; `pumps artefact merge` joins the parts."

@@ -229,6 +229,12 @@ WRITINGS = (
         "--predictions 15 --window 46 --points 32 --device cpu",
         adds_to="packed",
     ),
+    Writing(
+        "varied", "weights vary",
+        "{out} --motion {made}/motion --splits train --splits val --max-windows 1 --intervals 15 --transitions 15 "
+        "--predictions 15 --window 46 --points 32 --device cpu",
+        adds_to="packed",
+    ),
     *(
         Writing(f"one{suffix}", "export", f"{CLIPS}/kick.bvh -o {{out}}")
         for suffix in (".glb", ".npz", ".csv", ".parquet")

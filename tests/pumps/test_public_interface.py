@@ -70,7 +70,7 @@ def seen(*_):
     print(torch.get_num_threads())
     raise pumps.InputError("seen")
 torch.set_num_threads(2)
-run.fill_file = seen
+run.fill_files = seen
 motion = pumps.load("stages/shared/clips/jump.bvh")
 for _ in range(2):
     try: pumps.infill(motion, "every:15")

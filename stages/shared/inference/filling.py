@@ -146,14 +146,36 @@ def fill_motion(
         return nothing_to_fill(motion)
     solved, base, wander_m, parts = _solved(skeleton, motion, known, source, points, seed, device, options, fixed)
     # 3: finish
-    if parts is None:
-        eased = ease_at_keys(solved.pose, known, fps, options.ease_s)
-    else:
-        eased = parts.eased(solved.pose, fps, options.ease_s)
+    eased = eased_pose(solved.pose, parts, known, fps, options)
     plain = solved.plain
     del solved  # of a long clip every pose takes much memory
+    return held_fill(eased, plain, known, fps, options, fixed, base=base, wander_m=wander_m)
+
+
+def eased_pose(
+    pose: SkeletonPose, parts: PartlyKnown | None, known: np.ndarray, fps: float, options: FillOptions
+) -> SkeletonPose:
+    """A filled pose without kinks at the keys."""
+    if parts is None:
+        return ease_at_keys(pose, known, fps, options.ease_s)
+    return parts.eased(pose, fps, options.ease_s)
+
+
+def held_fill(
+    eased: SkeletonPose,
+    plain: np.ndarray,
+    known: np.ndarray,
+    fps: float,
+    options: FillOptions,
+    fixed: Fixed | None,
+    *,
+    base: SkeletonPose,
+    wander_m: float,
+) -> Filled:
+    """A filled pose with its feet held and its ends pinned, measured beside the plain interpolation `base`; `plain`
+    and `wander_m` as `Filled` has them."""
     stiff = None if fixed is None else fixed.joints
-    held = lock_feet(eased, known, fps, stiff) if options.foot_lock and has_feet(skeleton) else eased
+    held = lock_feet(eased, known, fps, stiff) if options.foot_lock and has_feet(eased.skeleton) else eased
     off_m: dict[str, float] = {}
     if fixed is not None:
         held, off_m = pin_ends(held, fixed, known, fps)

@@ -14,11 +14,9 @@ import glob
 import hashlib
 import io
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -34,22 +32,25 @@ from stages.shared.formats.sources import Source, find_sources
 from stages.shared.formats.text_cells import text_cell
 from stages.shared.formats.writers import SUFFIXES
 from stages.shared.outputs import check_replaceable
+from stages.shared.pools import TaskDied, cluster_pool, process_pool, result_or_death
 from stages.shared.progress import SILENT, Progress
-from stages.shared.threads import cores, process_context
+from stages.shared.threads import cores
 
 JOURNAL, TABLE = "files.jsonl", "files.csv"
 COLUMNS: tuple[str, ...] = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
 _SHOWN = 10
+_DEATH = "Its process was ended, perhaps for want of memory."
 
 Run = Callable[..., StageReport]
 
 
 @dataclass(frozen=True)
 class FileRun:
-    """One file to run: its source, where its output goes."""
+    """One file to run: its source, where its output goes, and the files that are written for that output."""
 
     source: Source
     output: Path
+    files: tuple[Path, ...]
 
 
 def over_files(run: Run) -> Run:
@@ -97,13 +98,13 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
     if not runs:
         raise InputError(f"{config.input} holds no file to read.", "docs/formats.md lists the formats.")
     read = {Path(each.source.archive or each.source.name).resolve() for each in runs}
-    for each in runs:
-        if each.output.resolve() in read:
+    for file in (file for each in runs for file in each.files):
+        if file.resolve() in read:
             raise UsageError(
-                f"{each.output} is one of the files that are read, and must not be replaced.", "Name another folder."
+                f"{file} is one of the files that are read, and must not be replaced.", "Name another folder."
             )
-        if not (earlier.same and str(each.output.relative_to(out)) in earlier.outputs):
-            check_replaceable(each.output, config.overwrite)
+        if not (earlier.same and str(file.relative_to(out)) in earlier.outputs):
+            check_replaceable(file, config.overwrite)
     rows = [] if config.overwrite else [row for each in runs if (row := _still_there(earlier.done, each, out))]
     have = {row["input"] for row in rows}
     to_do = [each for each in runs if each.source.name not in have]
@@ -147,8 +148,11 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
             output = folder / f"{plain.of(source.name)}{suffix}"
             if output in taken:
                 raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
-        taken.add(output)
-        yield FileRun(source, output)
+        files = config.outputs_of(output)
+        if not taken.isdisjoint(files):
+            raise UsageError(f"Two files would be written as {files[0]}.", "Give them one by one.")
+        taken.update((output, *files))
+        yield FileRun(source, output, files)
 
 
 def _digest_of(config: ManyFilesConfig) -> str:
@@ -193,7 +197,7 @@ def _row_of_line(line: str) -> dict[str, Any] | None:
 def _still_there(done: Mapping[str, dict[str, Any]], each: FileRun, out: Path) -> dict[str, Any] | None:
     """The earlier outcome of a file, if its input is unchanged and its output exists."""
     row = done.get(each.source.name)
-    if row is None or row.get("status") != "written" or not each.output.is_file():
+    if row is None or row.get("status") != "written" or not all(file.is_file() for file in each.files):
         return None
     try:
         same = row["sha256"] == hashlib.sha256(each.source.read()).hexdigest()
@@ -203,38 +207,35 @@ def _still_there(done: Mapping[str, dict[str, Any]], each: FileRun, out: Path) -
 
 
 def _outcomes(config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterator[dict[str, Any]]:
-    """The outcome of each file as it is done. If a process dies, all files that are left are run one after
-    another, each in a new process."""
+    """The outcome of each file as it is done. If a process of this machine dies, all files that are left are run one
+    after another, each in a new process."""
+    if config.cluster is not None and to_do:
+        with cluster_pool(config.cluster) as pool:
+            yield from _as_done(pool, config, run, to_do, out)
+        return
     count = min(config.jobs or cores(), len(to_do))
     if count <= 1:
         for each in to_do:
             yield run_one(run, config, each, out)
         return
     left = {each.source.name: each for each in to_do}
-    with _pool(count) as pool:
-        waiting = [pool.submit(run_one, run, config, each, out) for each in to_do]
-        for future in as_completed(waiting):
-            try:
-                row = future.result()
-            except BrokenProcessPool:
+    with process_pool(count) as pool:
+        for row in _as_done(pool, config, run, to_do, out):
+            if row["reason"] == _DEATH:
                 break
             del left[row["input"]]
             yield row
     for each in left.values():
-        with _pool(1) as pool:
-            try:
-                yield pool.submit(run_one, run, config, each, out).result()
-            except BrokenProcessPool:
-                yield _row(each, out, "failed", reason="Its process was ended, perhaps for want of memory.")
+        with process_pool(1) as pool:
+            yield from _as_done(pool, config, run, [each], out)
 
 
-def _pool(count: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(count, mp_context=process_context(), initializer=_one_thread)
-
-
-def _one_thread() -> None:
-    """One thread for each process, before torch is loaded in it."""
-    os.environ["OMP_NUM_THREADS"] = "1"
+def _as_done(pool: Executor, config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterator[dict[str, Any]]:
+    """The outcome of each file as a pool is done with it; failed for one that its process died of."""
+    waiting = {pool.submit(run_one, run, config, each, out): each for each in to_do}
+    for future in as_completed(waiting):
+        row = result_or_death(future)
+        yield _row(waiting[future], out, "failed", reason=_DEATH) if isinstance(row, TaskDied) else row
 
 
 def run_one(run: Run, config: Any, each: FileRun, out: Path) -> dict[str, Any]:
@@ -263,7 +264,9 @@ def _row(each: FileRun, out: Path, status: str, **more: Any) -> dict[str, Any]:
 
 
 def _journal_head(digest: str, runs: list[FileRun], out: Path) -> bytes:
-    return _line({"settings": digest, "outputs": [str(each.output.relative_to(out)) for each in runs]})
+    return _line(
+        {"settings": digest, "outputs": [str(file.relative_to(out)) for each in runs for file in each.files]}
+    )
 
 
 def _line(row: dict[str, Any]) -> bytes:

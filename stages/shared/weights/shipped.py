@@ -15,6 +15,7 @@ PREFERRED = ("small-free", "small", "tiny")
 PARTS = (("ae", "lms"), ("train-ae", "train-lms"))  # of packed weights; of a run
 MEASURED_NAME = "measured.json"
 CONFIDENCE_NAME = "confidence.json"  # `stages.shared.inference.confidence`
+VARIATION_NAME = "variation.json"  # `stages.shared.inference.variation`
 CARD_NAME = "MODEL_CARD.md"
 
 

@@ -1,0 +1,83 @@
+"""`pumps infill --samples`: the usual fill first, then others with the same keys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pumps
+from data_schemas.errors import InputError, UsageError
+from stages.infill.config import Config
+from stages.infill.run import run
+from stages.shared.kinematics.foot_contacts import LEGS
+from stages.shared.solve.skeleton_pose import SkeletonPose
+
+CLIP = Path("stages/shared/clips/jump.bvh")
+KEYS = (0, 15, 40)
+
+
+def rows_of(path: Path) -> list[str]:
+    lines = path.read_text().splitlines()
+    return lines[next(n for n, line in enumerate(lines) if line.startswith("Frame Time")) + 1 :]
+
+
+def test_every_sample_keeps_the_keys_and_the_first_is_the_usual_fill(tmp_path: Path):
+    settings = {"input": CLIP, "keyframes": ",".join(map(str, KEYS)), "device": "cpu"}
+    run(Config(**settings, output=tmp_path / "usual.bvh"))
+    report = run(Config(**settings, output=tmp_path / "tries.bvh", samples=3))
+    tries = [tmp_path / f"tries-{number}.bvh" for number in (1, 2, 3)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [*(path.name for path in tries), "usual.bvh"]
+    assert tries[0].read_bytes() == (tmp_path / "usual.bvh").read_bytes()
+    source, rows = rows_of(CLIP), [rows_of(path) for path in tries]
+    for own in rows:
+        assert len(own) == len(source)
+        assert [own[key] for key in (*KEYS, *range(41, len(own)))] == [
+            source[key] for key in (*KEYS, *range(41, len(own)))
+        ]
+    between = [frame for frame in range(40) if frame not in KEYS]
+    assert all(rows[a][frame] != rows[b][frame] for a, b in ((0, 1), (0, 2), (1, 2)) for frame in between)
+    assert report.output == tries[0] and report.figures["samples_apart_mm"] > 5
+    again = pumps.infill_samples(pumps.load(CLIP), 2, list(KEYS), device="cpu")
+    assert [each.source for each in again] == [path.read_bytes() for path in tries[:2]]
+    other = pumps.infill_samples(pumps.load(CLIP), 2, list(KEYS), device="cpu", seed=1)
+    assert np.abs(other[1].positions - again[1].positions).max() > 0.005
+
+
+def test_kept_parts_stay_in_every_sample():
+    walk = pumps.load("stages/shared/clips/walk.bvh")
+    fills = pumps.infill_samples(walk, 2, "every:30", keep={"legs": "all"}, pins={"right_hand": "3-12"}, device="cpu")
+    legs = np.isin(walk.skeleton.groups, LEGS)
+    kept, usual, other = (
+        SkeletonPose.of_motion(each.skeleton, each.record).local[:, legs] for each in (walk, *fills)
+    )
+    assert legs.any()
+    for made in (usual, other):
+        assert float(((made * kept).sum(-1).abs() - 1).abs().max()) < 1e-5
+    assert np.abs(fills[0].positions - fills[1].positions).max() > 0.005
+
+
+def test_weights_that_do_not_hold_variation_and_outputs_that_exist_are_refused(tmp_path: Path):
+    settings = {"input": CLIP, "keyframes": "0,40", "samples": 2, "device": "cpu"}
+    with pytest.raises(InputError, match="do not hold how motions vary"):
+        run(Config(**settings, output=tmp_path / "tries.bvh", weights="tiny"))
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "tries-2.bvh").write_text("mine")
+    with pytest.raises(UsageError, match="tries-2"):
+        run(Config(**settings, output=tmp_path / "tries.bvh"))
+    assert (tmp_path / "tries-2.bvh").read_text() == "mine"
+
+
+def test_a_folder_gets_several_of_each_file_and_goes_on(tmp_path: Path):
+    clips = tmp_path / "in"
+    clips.mkdir()
+    (clips / "jump.bvh").write_bytes(CLIP.read_bytes())
+    settings = {"input": clips, "keyframes": "0,20,40", "samples": 2, "device": "cpu", "jobs": 1}
+    run(Config(**settings, output=tmp_path / "out"))
+    made = {path.name: path.read_bytes() for path in (tmp_path / "out").glob("*.bvh")}
+    assert sorted(made) == ["jump-1.bvh", "jump-2.bvh"]
+    assert run(Config(**settings, output=tmp_path / "out")).figures["kept"] == 1
+    (tmp_path / "out/jump-2.bvh").unlink()
+    assert run(Config(**settings, output=tmp_path / "out")).figures["kept"] == 0
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").glob("*.bvh")} == made
