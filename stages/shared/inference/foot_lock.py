@@ -25,8 +25,7 @@ from scipy.ndimage import maximum_filter1d
 
 from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, without_pops
 from stages.shared.inference.standing_feet import held_shifts, lowered_feet, standing_feet
-from stages.shared.kinematics.foot_contacts import Feet, find_feet, limb_joints
-from stages.shared.kinematics.joint_trees import and_below
+from stages.shared.kinematics.foot_contacts import Feet, and_below, find_feet, limb_joints
 from stages.shared.kinematics.rotations import multiply
 from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.bounded_path import bounded_shift

@@ -16,8 +16,7 @@ import torch
 from data_schemas.errors import InputError
 from stages.shared.inference.constraints.fixed import MOST_M, Fixed, PinnedEnd, place_of_keys
 from stages.shared.inference.constraints.rig_parts import EndEffector, end_effector
-from stages.shared.kinematics.foot_contacts import has_feet
-from stages.shared.kinematics.joint_trees import and_below
+from stages.shared.kinematics.foot_contacts import and_below, has_feet
 from stages.shared.kinematics.rotations import multiply, rotate
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
