@@ -1,7 +1,8 @@
 """Time two checkouts of this project in turn: which figures a change improved, and which fell.
 
     make bench-compare BASE=COMMIT
-    OMP_NUM_THREADS=1 python benchmarks/two_versions.py --base COMMIT [--rounds 4] [--page docs/performance.md]
+    OMP_NUM_THREADS=1 python benchmarks/two_versions.py --base COMMIT [--rounds 4] [--only filling laptop]
+        [--page docs/performance.md]
 
 Each checkout's cases are built by its own code, in a process of its own. Only one of the two computes at any time,
 and which one goes first changes from round to round. Seconds are those of the processor, which other work on the
@@ -80,9 +81,9 @@ for line in sys.stdin:
 """
 
 
-def started(root: Path) -> subprocess.Popen[str]:
+def started(root: Path, cases: dict[str, str]) -> subprocess.Popen[str]:
     """A process of a checkout, which builds its cases."""
-    command = [sys.executable, "-c", SERVER, str(root.resolve()), BUILDERS, repr(list(CASES.values()))]
+    command = [sys.executable, "-c", SERVER, str(root.resolve()), BUILDERS, repr(list(cases.values()))]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
@@ -101,16 +102,16 @@ def answer(process: subprocess.Popen[str], line: str = "") -> str:
     return found
 
 
-def comparison(before: Path, rounds: int, most: float) -> tuple[list[str], list[str]]:
+def comparison(before: Path, cases: dict[str, str], rounds: int, most: float) -> tuple[list[str], list[str]]:
     """The table's lines, and the names of the cases that take more than `most` times as long as before."""
-    processes = [started(before), started(HERE)]
+    processes = [started(root, cases) for root in (before, HERE)]
     lines = [
         "| CPU seconds, least of the rounds | before | after | ratio | ratio of medians | |",
         "|---|---:|---:|---:|---:|---|",
     ]
     slower = []
-    built = [[answer(process) for _ in CASES] for process in processes]
-    for index, name in enumerate(CASES):
+    built = [[answer(process) for _ in cases] for process in processes]
+    for index, name in enumerate(cases):
         faults = [found[index] for found in built if found[index] != "ready"]
         if faults:
             print(f"{name}: left out, a checkout cannot build it: {faults[0]}", file=sys.stderr)
@@ -137,10 +138,14 @@ def main() -> None:
     parser.add_argument("--base", required=True, help="the commit to compare with")
     parser.add_argument("--rounds", type=int, default=4)
     parser.add_argument("--most", type=float, default=1.1, help="times as long as before that is no fault")
+    parser.add_argument("--only", nargs="*", default=[""], help="words: the cases whose names hold one of them")
     parser.add_argument("--page", type=Path, help="a page to write the table into, between its markers")
     options = parser.parse_args()
+    cases = {name: source for name, source in CASES.items() if any(word in name for word in options.only)}
+    if not cases:
+        raise SystemExit(f"No case is named by {' '.join(options.only)}; the cases are: {'; '.join(CASES)}.")
     with checked_out(options.base) as before:
-        lines, slower = comparison(before, options.rounds, options.most)
+        lines, slower = comparison(before, cases, options.rounds, options.most)
     print("\n".join(lines))
     if options.page:
         replace_section(options.page, "two versions", "\n".join(lines))

@@ -14,6 +14,7 @@ from data_schemas.version import PUMPS_VERSION
 from pumps_cli.help_page import HelpCommand, HelpGroup
 from pumps_cli.terminal import say_aside, write_any_text
 from stages.registry import GROUP_SUMMARIES, OLD_NAMES, OLD_WORDS, PANELS, STAGES, stage_named
+from stages.shared.memory import keep_freed_memory
 from stages.shared.threads import let_waiting_threads_sleep
 
 _ABOUT = "Fill in human motion on any skeleton: BVH in, infilled BVH out."
@@ -37,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = _today(given)
     completing = "_PUMPS_COMPLETE" in os.environ  # the shell asks for completions
     words = _words_to_complete() if completing else given
+    keep_freed_memory()
     let_waiting_threads_sleep()
     build_app(next((word for word in words if not word.startswith("-")), None))(args=given, prog_name="pumps")
 

@@ -9,7 +9,10 @@ from pathlib import Path
 
 import torch
 
+from stages.shared.memory import keep_freed_memory
 from stages.shared.networks.layers.device import computes_bfloat16
+
+keep_freed_memory()  # as pumps does
 
 
 def finish(device: torch.device) -> None:

@@ -121,8 +121,11 @@ def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> list[_Leg]:
     """The legs that have a joint to turn."""
     skeleton = pose.skeleton
     prior = turn_prior(pose.rows(np.flatnonzero(known)).local, OPEN_RAD).double().numpy()
-    local, rotations, heads = (part.double().numpy() for part in (pose.local, pose.rotations, pose.heads))
-    offsets = pose.offsets.expand(len(pose), -1, 3).double().numpy()
+    offsets = pose.offsets.expand(len(pose), -1, 3)
+
+    def exact(values: torch.Tensor, joints: int | list[int]) -> np.ndarray:
+        return values[:, joints].double().numpy()  # of these joints alone: a long clip's poses take much memory
+
     legs = []
     groups = dict.fromkeys(int(group) for group in feet.groups)
     for group, chain, (_, _, ankle) in zip(groups, feet.chains, limb_joints(skeleton, feet), strict=True):
@@ -130,9 +133,9 @@ def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> list[_Leg]:
         joints = below[:-1]
         if not joints:
             continue
-        above = rotations[:, int(skeleton.parents[joints[0]])]
-        limb = Limb(local[:, joints], above, heads[:, joints[0]], offsets[:, below[1:]])
-        foot = heads[:, and_below(skeleton.parents, [int(ankle)])]
+        above = exact(pose.rotations, int(skeleton.parents[joints[0]]))
+        limb = Limb(exact(pose.local, joints), above, exact(pose.heads, joints[0]), exact(offsets, below[1:]))
+        foot = exact(pose.heads, and_below(skeleton.parents, [int(ankle)]))
         legs.append(_Leg(group, joints, int(ankle), limb, foot, prior[joints]))
     return legs
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
 from stages.shared.weights.shipped import parts_of, weights_folder
 
-WINDOWS_AT_ONCE = 16  # decoded or filled in one call
+FRAMES_AT_ONCE = 2048  # of windows that are decoded or filled in one call
 _FRAMES_AT_ONCE = 512  # clouds encoded in one call: enough to be fast, few enough to stay in memory
 
 
@@ -226,16 +227,18 @@ def reach_of(spans: Sequence[Span], first: int, last: int) -> tuple[int, int]:
     return min([first, *(span.first for span in spans)]), max([last, *(span.last for span in spans)])
 
 
-def batches_of(spans: Sequence[Span], most: int = WINDOWS_AT_ONCE) -> Iterator[list[Span]]:
-    """Runs of at most `most` windows that follow each other and read equally many frames."""
-    some: list[Span] = []
-    for span in spans:
-        if some and (len(some) == most or span.last - span.first != some[0].last - some[0].first):
-            yield some
-            some = []
-        some.append(span)
-    if some:
-        yield some
+def batches_of(spans: Sequence[Span], frames: int = FRAMES_AT_ONCE) -> Iterator[list[Span]]:
+    """Windows that read equally many frames, in batches of at most so many frames (or of one window), shortest first.
+
+    Windows of one length keep their order.
+    """
+    for length, each in groupby(sorted(spans, key=_length_of), _length_of):
+        some, most = list(each), max(1, frames // length)
+        yield from (some[first : first + most] for first in range(0, len(some), most))
+
+
+def _length_of(span: Span) -> int:
+    return span.last - span.first
 
 
 def rows_of(values: Tensor, spans: Sequence[Span]) -> Tensor:

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from stages.shared.kinematics.rotations import from_turn_vectors, multiply, rotate
 from stages.shared.solve.bending import SecondDerivative
+from stages.shared.solve.smoothing import solve_bands
 
 PINNED = 1e9  # precision of turns that must stay zero
 # Of a limb's length: the farthest place, and the length before it over which places move in.
@@ -127,15 +127,13 @@ def solve_limb(
     base[0].reshape(frames, size)[stays] += PINNED
     for _ in range(iterations):
         rotations, places, end = limb.turned(turns)
-        arms = np.repeat(end[:, None], joints, axis=1) - places
-        axes = np.stack([rotate(rotations, np.broadcast_to(axis, arms.shape)) for axis in np.eye(3)], axis=2)
-        slopes = np.cross(axes, arms[:, :, None]).reshape(frames, size, 3) / noise_m  # d end / d turn
+        slopes = _slopes(rotations, end[:, None] - places).reshape(frames, size, 3) / noise_m
         missed = (ends - end) / noise_m
         bands = base.copy()
         _add_blocks(bands, slopes @ slopes.transpose(0, 2, 1))
         pull = (slopes @ missed[..., None])[..., 0] - _times(stiff, turns.reshape(frames, size) @ own)
         pull[stays] = 0.0
-        step = solveh_banded(bands, pull.ravel(), lower=True, check_finite=False).reshape(turns.shape)
+        step = solve_bands(bands, pull.ravel()).reshape(turns.shape)
         if np.isfinite(longest_step):
             step = step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True) / longest_step)
         turns = turns + step
@@ -143,6 +141,23 @@ def solve_limb(
             break
     turns[pinned] = start[pinned]
     return turns
+
+
+def _slopes(rotations: np.ndarray, arms: np.ndarray) -> np.ndarray:
+    """(T, n, 3, 3) what a turn about each axis of a joint does to the end, axis by axis; the joints have global
+    rotations (T, n, 4) and arms (T, n, 3) to the end. It is the axis in the world x the arm, component by component:
+    np.cross takes longer on short clips."""
+    x, y, z, w = (rotations[..., part] for part in range(4))
+    axes = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+        (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+        (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
+    )
+    a, b, c = (arms[..., part] for part in range(3))
+    slopes = np.empty((*arms.shape, 3))
+    for axis, (p, q, r) in enumerate(axes):
+        slopes[..., axis, 0], slopes[..., axis, 1], slopes[..., axis, 2] = q * c - r * b, r * a - p * c, p * b - q * a
+    return slopes
 
 
 def _times(bands: np.ndarray, values: np.ndarray) -> np.ndarray:

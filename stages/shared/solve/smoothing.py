@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.fft import dct, idct
-from scipy.linalg import solveh_banded
+from scipy.linalg.lapack import dpbsv
 from torch import Tensor
 
 from stages.shared.kinematics.rotations import turns_between
@@ -48,7 +48,20 @@ def smooth_corrections(
     bands = derivative.squared(stiff)
     bands[0] += weight
     wanted = weight[:, None] * values - derivative.transposed(stiff[:, None] * bends[1:-1])
-    return np.where(pinned[:, None], 0.0, solveh_banded(bands, wanted, lower=True))
+    return np.where(pinned[:, None], 0.0, solve_bands(bands, wanted))
+
+
+def solve_bands(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(N, F) float64 x with A x = `right` (N, F), A symmetric and positive, its diagonal and lower bands (U, N).
+
+    LAPACK's function as SciPy's solveh_banded calls it, whose checks take longer than the solve of a short clip.
+
+    Raises: LinAlgError if A is not positive.
+    """
+    _, found, fault = dpbsv(bands, right, lower=1)
+    if fault:
+        raise np.linalg.LinAlgError(f"The matrix is not positive at row {fault}.")
+    return found
 
 
 def bends_of_rotations(rotations: Tensor, times: np.ndarray) -> np.ndarray:

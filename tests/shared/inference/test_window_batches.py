@@ -13,13 +13,17 @@ from stages.shared.inference.models import Models, Span, batches_of, load_weight
 LENGTHS = st.lists(st.integers(1, 3), max_size=30)
 
 
-@given(LENGTHS, st.integers(1, 5))
-def test_batches_keep_the_order_and_hold_equal_lengths(lengths: list[int], most: int) -> None:
+@given(LENGTHS, st.integers(1, 12))
+def test_batches_hold_all_windows_of_one_length_in_order(lengths: list[int], frames: int) -> None:
     spans = [Span(at, at + length, at, at + length, torch.ones(length)) for at, length in enumerate(lengths)]
-    batches = list(batches_of(spans, most))
-    assert [span.first for batch in batches for span in batch] == list(range(len(lengths)))
-    for batch in batches:
-        assert 1 <= len(batch) <= most and len({span.last - span.first for span in batch}) == 1
+    batches = list(batches_of(spans, frames))
+    for length in range(1, 4):
+        own = [batch for batch in batches if batch[0].last - batch[0].first == length]
+        wanted = [at for at, one in enumerate(lengths) if one == length]
+        assert [span.first for batch in own for span in batch] == wanted
+        most = max(1, frames // length)
+        assert all(len(batch) == most for batch in own[:-1]) and all(1 <= len(batch) <= most for batch in own)
+    assert sum(len(batch) for batch in batches) == len(lengths)
 
 
 @pytest.fixture(scope="module")
