@@ -9,23 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.motion import MotionReader
-from data_schemas.skeleton import NO_GROUP, Motion, Skeleton
+from data_schemas.skeleton import Motion, Skeleton
 from stages.report.config import Config
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.sources import source_named
+from stages.shared.humanoid.stick_figure import StickFigure, stick_figure
 from stages.shared.inference.keyframes import parse_keyframes
-from stages.shared.kinematics.forward import global_rotations, local_rotations, offsets_over_time, positions_of
+from stages.shared.kinematics.forward import global_rotations, local_rotations, offsets_over_time
 from stages.shared.kinematics.plain_interpolation import interpolate_pose
 
 SLERP = "slerp"
-LARGEST_STEP = 32767  # positions travel as 16-bit numbers, a fraction of a millimetre apart
-LEAST_BONE_M = 1e-4
 
 
 @dataclass(frozen=True)
@@ -142,18 +140,18 @@ def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: s
     if config.slerp and all(played.name != SLERP for played in motions):
         motions = [first, Played(SLERP, first.skeleton, slerped(first.skeleton, first.motion, keys)), *motions[1:]]
     kept = [replace(played, motion=_shortened(played.motion, config.max_seconds)) for played in motions]
-    drawings = [_drawing_of(played) for played in kept]
-    cloud = drawings[0].points
-    origin = cloud[:, drawings[0].root].mean(axis=0) * [1, 0, 1]
+    figures = [stick_figure(played.skeleton, played.motion) for played in kept]
+    first_figure = figures[0]
+    origin = first_figure.ground_centre()
     return {
         "name": heading.name,
         "title": heading.title,
         "detail": heading.detail,
-        "keys": [int(key) for key in keys if key < len(cloud)],
-        "floor": round(float(np.percentile(cloud[..., 1].min(axis=1), 2)), 4),
-        "height": round(float(np.percentile(np.ptp(cloud[..., 1], axis=1), 90)), 4),
-        "size": round(float(np.percentile(np.ptp(cloud, axis=1).max(axis=1), 90)), 4),
-        "motions": [_packed(played, drawing, origin) for played, drawing in zip(kept, drawings, strict=True)],
+        "keys": [int(key) for key in keys if key < len(first_figure.points)],
+        "floor": round(first_figure.floor_m, 4),
+        "height": round(first_figure.height_m, 4),
+        "size": round(first_figure.size_m, 4),
+        "motions": [_packed(played, figure, origin) for played, figure in zip(kept, figures, strict=True)],
     }
 
 
@@ -178,75 +176,16 @@ def _shortened(motion: Motion, seconds: float) -> Motion:
     return motion.at(slice(int(seconds * motion.fps) + 1))
 
 
-@dataclass(frozen=True)
-class _Drawing:
-    """What is drawn: points (T, N, 3) in the world; edges [from, to, body group, is thin, is head]; the pelvis."""
-
-    points: np.ndarray
-    edges: list[list[int]]
-    root: int
-
-
-def _drawing_of(played: Played) -> _Drawing:
-    """The body's joints, and the tips of its last bones."""
-    skeleton, motion = played.skeleton, played.motion
-    heads = positions_of(skeleton, motion)
-    body = np.flatnonzero(skeleton.groups != NO_GROUP)
-    number = {int(joint): node for node, joint in enumerate(body)}
-    points = [heads[:, body]]
-    edges: list[list[int]] = []
-    for joint in body:
-        above = int(skeleton.parents[joint])
-        if above in number:
-            # A bone is drawn as what its far joint is; the spine's way to a hip or shoulder belongs to the limb.
-            edges.append([number[above], number[int(joint)], *_look(skeleton, int(joint))])
-    head = _head(skeleton)
-    for joint in _last_joints(skeleton, body, head):
-        tips = Rotation.from_quat(motion.rotations[:, joint]).apply(skeleton.tails[joint])
-        points.append((heads[:, joint] + tips)[:, None])
-        edges.append([number[joint], len(body) + len(points) - 2, *_look(skeleton, joint, ball=joint == head)])
-    return _Drawing(np.concatenate(points, axis=1), edges, number[int(skeleton.root)])
-
-
-def _packed(played: Played, drawing: _Drawing, origin: np.ndarray) -> dict:
+def _packed(played: Played, figure: StickFigure, origin: np.ndarray) -> dict:
     """A motion as the page holds it, its points around `origin` as 16-bit numbers."""
-    cloud = drawing.points - origin
-    scale = max(float(np.abs(cloud).max()), 1e-6) / LARGEST_STEP
+    points, scale = figure.quantised(origin)
     return {
         "name": played.name,
         "fps": round(float(played.motion.fps), 6),
-        "frames": cloud.shape[0],
-        "nodes": cloud.shape[1],
-        "root": drawing.root,
-        "edges": drawing.edges,
+        "frames": points.shape[0],
+        "nodes": points.shape[1],
+        "root": figure.root,
+        "edges": figure.edges,
         "scale": scale,
-        "points": base64.b64encode(np.round(cloud / scale).astype("<i2").tobytes()).decode(),
+        "points": base64.b64encode(points.tobytes()).decode(),
     }
-
-
-def _last_joints(skeleton: Skeleton, body: np.ndarray, head: int | None) -> list[int]:
-    """Joints whose bone's tip is not another joint; the head's is drawn though eyes hang on it."""
-    carrying = set(skeleton.parents.tolist()) - {head}
-    lengths = np.linalg.norm(skeleton.tails, axis=1)
-    return [int(joint) for joint in body if int(joint) not in carrying and lengths[joint] > LEAST_BONE_M]
-
-
-def _look(skeleton: Skeleton, joint: int, *, ball: bool = False) -> list[int]:
-    """Body group, 1 for a thin bone (a finger), 1 for the bone that carries the head's ball."""
-    # An unsampled joint that carries the body on, such as a zero-length hip, is not a finger.
-    sampled = skeleton.sampled[joint] or any(skeleton.sampled[child] for child in _below(skeleton, joint))
-    return [int(skeleton.groups[joint]), int(not sampled), int(ball)]
-
-
-def _head(skeleton: Skeleton) -> int | None:
-    """The joint that carries the head, by name: the head, or a neck that nothing follows; a robot may have none."""
-    names = [name.lower() if skeleton.sampled[j] else "" for j, name in enumerate(skeleton.names)]
-    heads = [j for j, name in enumerate(names) if "head" in name]
-    necks = [j for j, name in enumerate(names) if "neck" in name and j not in skeleton.parents]
-    return next(iter(heads + necks), None)
-
-
-def _below(skeleton: Skeleton, joint: int) -> Iterator[int]:
-    for child in np.flatnonzero(skeleton.parents == joint):
-        yield int(child)
-        yield from _below(skeleton, int(child))
