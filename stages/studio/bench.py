@@ -39,6 +39,10 @@ class Bench:
         self.jobs = Jobs(self._worker)
         self.scene = lru_cache(maxsize=16)(self._scene)
 
+    def warm(self) -> None:
+        """Load the models, so that the first fill need not."""
+        self._worker.start()
+
     def close(self) -> None:
         """End what runs."""
         self.jobs.close()

@@ -74,6 +74,7 @@ def _serve(
 
     token = new_token()
     bench = Bench(folder, config.weights, config.device)
+    bench.warm()
     settings: dict[str, Any] = {
         "log_level": "warning", "access_log": False, "server_header": False, "lifespan": "off", "ws": "none",
         "proxy_headers": False, "timeout_graceful_shutdown": 1, "limit_concurrency": 64,

@@ -30,13 +30,22 @@ def config_of(stage: str, values: dict[str, Any]) -> StageConfig:
 
 
 class Worker:
-    """Runs one stage at a time, in a process of its own."""
+    """Runs one stage at a time, in a process of its own, which starts when it is first needed.
+
+    weights, device: what `start` warms the process with.
+    """
 
     def __init__(self, weights: str, device: str) -> None:
         self._settings = (weights, device)
         self._lock = threading.Lock()
         self._cancelled = False
-        self._start()
+        self._process: Any = None
+        self._connection: Any = None
+
+    def start(self) -> None:
+        """Start the process with warm models, before the first work comes."""
+        with self._lock:
+            self._start(warm=True)
 
     def run(self, stage: str, values: dict[str, Any], told: Told) -> StageReport:
         """Run a stage and wait for it.
@@ -44,8 +53,8 @@ class Worker:
         Raises: PumpsError as the stage does; CancelledError where `cancel` was called meanwhile.
         """
         with self._lock:
-            if not self._process.is_alive():
-                self._start()
+            if self._process is None or not self._process.is_alive():
+                self._start(warm=False)  # the work itself loads what it needs
             self._cancelled = False
             process, connection = self._process, self._connection
         try:
@@ -69,21 +78,23 @@ class Worker:
         with self._lock:
             self._cancelled = True
             self._end()
-            self._start()
+            self._start(warm=True)
 
     def close(self) -> None:
         """End the process."""
         with self._lock:
             self._end()
 
-    def _start(self) -> None:
+    def _start(self, *, warm: bool) -> None:
         context: Any = process_context()
         self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs, *self._settings), daemon=True)
+        self._process = context.Process(target=_work, args=(theirs, *self._settings, warm), daemon=True)
         self._process.start()
         theirs.close()
 
     def _end(self) -> None:
+        if self._process is None:
+            return
         self._process.kill()
         self._process.join()
         self._connection.close()
@@ -110,9 +121,10 @@ class _Told:
         self._connection.send(("told", self._label, self._done, self._total))
 
 
-def _work(connection: Connection, weights: str, device: str) -> None:
-    """The process: warm the models, then run what is asked until the other end closes."""
-    _warm(weights, device)
+def _work(connection: Connection, weights: str, device: str, warm: bool) -> None:
+    """The process: warm the models if asked, then run what is asked until the other end closes."""
+    if warm:
+        _warm(weights, device)
     while True:
         try:
             stage, values = connection.recv()

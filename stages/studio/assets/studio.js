@@ -49,7 +49,9 @@ async function receive(session) {
   for (const id of studio.motions.keys()) if (!known.includes(id) || old?.id !== session.id) studio.motions.delete(id);
   const { motion, results } = session.state, wanted = [motion, ...results].filter(Boolean);
   await Promise.all(wanted.filter((id) => !studio.motions.has(id)).map(async (id) => {
-    studio.motions.set(id, await Motion.load(session.id, id, () => { view.draw(); pose(); }));
+    const loaded = await Motion.load(session.id, id, pose);
+    studio.motions.set(id, loaded);
+    loaded.ready.then(refresh);
   }));
   const fresh = results.filter((id) => old && !(old.id === session.id && old.motions[id]));
   if (fresh.length) studio.shown = { a: fresh[fresh.length - 1], b: results.length > fresh.length ? studio.shown.a : motion };

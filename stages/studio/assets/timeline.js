@@ -117,7 +117,7 @@ export class Timeline {
       ctx.fillStyle = colours.key;
       for (const key of keys) if (key >= this.first && key <= this.last) diamond(ctx, this.x(key), mid, 6, row === this.data.row, colours.text);
     });
-    const top = RULER + rows.length * ROW + 4;
+    const top = RULER + rows.length * ROW + 16; // below the curves' names
     if (height - top > 12) {
       this.curve(ctx, this.data.speeds, top, height - top - 3, colours.dim, (v) => `pelvis, up to ${v.toFixed(1)} m/s`, LEFT + 2);
       this.curve(ctx, this.data.distances, top, height - top - 3, colours.b, (v) => `A to B, up to ${v.toFixed(v < 10 ? 1 : 0)} mm`, LEFT + 160);
@@ -140,7 +140,7 @@ export class Timeline {
       ctx[px ? "lineTo" : "moveTo"](LEFT + px, top + height * (1 - value / most));
     }
     ctx.stroke();
-    ctx.fillText(words(most), left, top + 9);
+    ctx.fillText(words(most), left, top - 4);
   }
 
   overlay() {

@@ -2,7 +2,17 @@
 import * as THREE from "./vendor/three.min.js";
 import { Figure } from "./figure.js";
 
+const REACH_M = 24;
 const CAMERAS = { free: [0.65, 0.3], front: [0, 0.08], side: [Math.PI / 2, 0.08], top: [0, 1.5] };
+
+// A square of lines a metre apart, in pieces of a metre: some renderers drop long lines that pass behind the camera.
+function ground(colour) {
+  const points = [];
+  for (let i = -REACH_M; i <= REACH_M; i++) {
+    for (let j = -REACH_M; j < REACH_M; j++) points.push(new THREE.Vector3(i, 0, j), new THREE.Vector3(i, 0, j + 1), new THREE.Vector3(j, 0, i), new THREE.Vector3(j + 1, 0, i));
+  }
+  return new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: colour }));
+}
 
 export class View {
   constructor(canvas) {
@@ -31,8 +41,8 @@ export class View {
     this.colours = colours;
     this.scene.background = new THREE.Color(colours.stage);
     this.scene.fog = new THREE.Fog(colours.stage, 9, 26);
-    if (this.grid) this.scene.remove(this.grid);
-    this.grid = new THREE.GridHelper(60, 60, colours.grid, colours.grid);
+    if (this.grid) { this.scene.remove(this.grid); this.grid.geometry.dispose(); this.grid.material.dispose(); }
+    this.grid = ground(colours.grid);
     this.grid.position.y = this.floor || 0;
     this.scene.add(this.grid);
     for (const figure of this.figures.values()) figure.paint(colours, figure.single && colours[figure.single]);
