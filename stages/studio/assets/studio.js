@@ -44,15 +44,16 @@ function send(work) {
 
 async function receive(session) {
   const old = studio.session, known = Object.keys(session.motions);
-  studio.session = session;
-  history.replaceState(null, "", `#session=${session.id}`);
-  for (const id of studio.motions.keys()) if (!known.includes(id) || old?.id !== session.id) studio.motions.delete(id);
   const { motion, results } = session.state, wanted = [motion, ...results].filter(Boolean);
-  await Promise.all(wanted.filter((id) => !studio.motions.has(id)).map(async (id) => {
+  const here = new Map(old?.id === session.id ? [...studio.motions].filter(([id]) => known.includes(id)) : []);
+  await Promise.all(wanted.filter((id) => !here.has(id)).map(async (id) => {
     const loaded = await Motion.load(session.id, id, pose);
-    studio.motions.set(id, loaded);
+    here.set(id, loaded);
     loaded.ready.then(refresh);
   }));
+  studio.session = session; // only when all is there that it shows
+  studio.motions = here;
+  history.replaceState(null, "", `#session=${session.id}`);
   const fresh = results.filter((id) => old && !(old.id === session.id && old.motions[id]));
   if (fresh.length) studio.shown = { a: fresh[fresh.length - 1], b: results.length > fresh.length ? studio.shown.a : motion };
   if (!wanted.includes(studio.shown.a)) studio.shown.a = results[results.length - 1] || motion;
