@@ -86,5 +86,5 @@ def _commands(session: Session, motion: str, stem: str) -> tuple[list[str], dict
 
 
 def _script(lines: list[str]) -> bytes:
-    head = "#!/bin/sh\n# Run it in the folder of this file. Files that exist are not replaced: add --overwrite.\nset -e\n"
-    return (head + "\n".join(lines) + "\n").encode()
+    advice = "# Run it in the folder of this file. Files that exist stay: add --overwrite."
+    return "\n".join(["#!/bin/sh", advice, "set -e", *lines, ""]).encode()
