@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,6 +72,7 @@ def infill(
     from stages.infill.run import fill_file
     from stages.shared.formats.bvh_of_motion import bvh_of_motion
     from stages.shared.formats.sources import Source
+    from stages.shared.inference.kept_models import kept_models
     from stages.shared.settings.layers import Layer, settle
     from stages.shared.weights.shipped import default_weights
 
@@ -99,7 +99,7 @@ def infill(
         "device": device,
     }
     config = settle(Config, [Layer("arguments", settings)], what="pumps infill")
-    models = _models(config.weights, device, _digests(config.weights))
+    models = kept_models(config.weights, device)
     file = row_file(Source(here.name, "", here.name, len(data)), config, data)
     made = fill_file(file, config, models, _constraints_of(path, constraints))
     skeleton, record = file.motion_in(made.data)
@@ -130,21 +130,6 @@ def retarget(motion: Motion, to: Motion, *, points: int = 256, seed: int = 0, de
     record, _ = retargeted(motion.skeleton, motion.record, to.skeleton, to.record, config)
     verbatim = target_of_bvh(read_bvh(to.source, to.name)).written(record)[0] if to.source else b""
     return Motion(to.skeleton, record, motion.name, licence=motion.licence, source=verbatim)
-
-
-@lru_cache(maxsize=2)
-def _models(weights: str, device: str, digests: tuple[str, ...]) -> Any:
-    """The models of the weights of that name, loaded again where `digests`, those of their files, have changed."""
-    from stages.shared.inference.models import load_weights
-
-    return load_weights(weights, device)
-
-
-def _digests(weights: str) -> tuple[str, ...]:
-    from data_schemas.artefact import open_artefact
-    from stages.shared.weights.shipped import parts_of, weights_folder
-
-    return tuple(open_artefact(part, "checkpoint").manifest.digest for part in parts_of(weights_folder(weights)))
 
 
 def _text_of(name: str, numbers: str | Iterable[float] | None, *, whole: bool = True) -> str | None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.infill.config import Config
 from stages.infill.request import Request, request_of
+from stages.infill.row_files import RowFile
 from stages.shared.formats.skeleton_map import SkeletonMap
 from stages.shared.inference.constraints.asked import Constraints
 from stages.shared.inference.constraints.constraint_files import read_constraints, read_path
@@ -17,17 +16,8 @@ from stages.shared.inference.constraints.fixed import Fixed, fixed_of
 from stages.shared.inference.constraints.flags import constraints_of_flags
 from stages.shared.inference.constraints.frame_ranges import parse_frames
 from stages.shared.inference.constraints.known_parts import KnownParts, known_parts
+from stages.shared.inference.keyframes import parse_keyframes
 from stages.shared.kinematics.foot_contacts import LEGS
-
-
-class PartFile(Protocol):
-    """A file of rows of which parts can be given."""
-
-    frames: int
-
-    def key_motion(self, rows: np.ndarray, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]: ...
-
-    def part_motion(self, parts: KnownParts, maps: tuple[SkeletonMap, ...]) -> tuple[Skeleton, Motion, list[str]]: ...
 
 
 def constraints_of_config(config: Config) -> tuple[Constraints, list[str]]:
@@ -44,9 +34,9 @@ def constraints_of_config(config: Config) -> tuple[Constraints, list[str]]:
 
 
 def request_in_parts(
-    config: Config, asked: Constraints, file: PartFile, fps: float, maps: tuple[SkeletonMap, ...]
+    config: Config, asked: Constraints, file: RowFile, maps: tuple[SkeletonMap, ...]
 ) -> tuple[Request, KnownParts]:
-    """The request, whose keys are the frames that are given as a whole, and what is given of all frames.
+    """The request, whose keys are the frames that are given as a whole, and what is given of each frame.
 
     The rig, which parts are named on, is found from the first and last keys alone.
 
@@ -60,22 +50,18 @@ def request_in_parts(
             )
     skeleton, _, _ = file.key_motion(_whole_frames(asked, file.frames), maps)
     parts = known_parts(asked, skeleton, file.frames)
-    whole = np.flatnonzero(parts.whole)
     if parts.whole.all() and config.predict is None:
         raise UsageError("No frame lies between the keys, so there is nothing to fill.", "Name fewer keys or parts.")
-    keys = config.model_copy(update={"keyframes": ",".join(map(str, whole.tolist()))})
-    if parts.whole.all():
-        request = request_of(keys.model_copy(update={"keyframes": None}), file.frames, fps)
-    else:
-        request = request_of(keys, file.frames, fps)
+    keys = None if parts.whole.all() else ",".join(map(str, np.flatnonzero(parts.whole).tolist()))
+    request = request_of(config.model_copy(update={"keyframes": keys}), file.frames, file.fps)
     return request, parts.longer(request.frames)
 
 
 def _whole_frames(asked: Constraints, frames: int) -> np.ndarray:
-    """Frames that are given as a whole whatever the rig is: keys of the whole body, or else those of parts that lie
-    outermost."""
+    """Frames that are given as a whole whatever the rig is: keys of the whole body. Without these, the first and the
+    last frame that is named for a part."""
     if asked.keyframes is not None:
-        return parse_frames(asked.keyframes, frames, "keyframes")
+        return parse_keyframes(asked.keyframes, frames)
     if not asked.parts:
         raise UsageError("Nothing says which frames are keys.", "Give --keyframes, such as every:15 or arms=0,15,40.")
     named = np.concatenate([parse_frames(part.frames, frames, f"keyframes {part.part}") for part in asked.parts])
@@ -109,7 +95,8 @@ def constrained_motion(
         whole = motion_of_keys(motion, np.arange(motion.frames), request.frames)
     made, fixed, notes = fixed_of(asked, skeleton, whole, parts)
     legs = np.isin(skeleton.groups, LEGS)
-    if (parts.joints[:, legs].all(axis=1) & ~(parts.position & parts.joints[:, skeleton.root])).any():
+    legs_alone = parts.joints[:, legs].all(axis=1) & ~(parts.position & parts.joints[:, skeleton.root])
+    if legs.any() and legs_alone.any():
         notes = [
             *notes,
             "The legs are kept where the pelvis is filled, so the feet move with it. Keep the root too.",

@@ -111,7 +111,7 @@ def fill_file(file: RowFile, config: Config, models: Models, also: Constraints |
     maps = (read_skeleton_map(config.skeleton_map),) if config.skeleton_map else ()
     parts = None
     if asked.by_part:
-        request, parts = request_in_parts(config, asked, file, file.fps, maps)
+        request, parts = request_in_parts(config, asked, file, maps)
         skeleton, motion, notes = file.part_motion(parts, maps)
     else:
         request = request_of(config, file.frames, file.fps)

@@ -12,15 +12,9 @@ from stages.infill.config import Config
 from stages.infill.run import run
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_rows import layout_of
-from tests.shared.inference.examples import write_random_weights
 
 CLIPS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "clips"
 KEYS = "0,15,40,60"
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory) -> str:
-    return str(write_random_weights(tmp_path_factory.mktemp("weights")))
 
 
 @pytest.fixture

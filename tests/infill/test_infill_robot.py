@@ -13,15 +13,9 @@ from stages.infill.run import run
 from stages.shared.formats.robot_rig import robot_rig
 from stages.shared.formats.robot_table import ROOT_COLUMNS, RobotTable, read_table
 from tests.shared.formats.robot_files import ANGLES, JOINTS, RobotText, csv_of, some_rows
-from tests.shared.inference.examples import write_random_weights
 
 RIG = robot_rig(RobotText().urdf(), "t.urdf")
 KEYS = (0, 12, 30)
-
-
-@pytest.fixture(scope="module")
-def weights(tmp_path_factory) -> str:
-    return str(write_random_weights(tmp_path_factory.mktemp("weights")))
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import pytest
 
 import pumps
 from pumps_cli.app import main
-from stages.shared.inference import models
+from stages.shared.inference import kept_models
 from tests.shared.inference.examples import write_random_weights
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -216,8 +216,8 @@ def test_weights_that_were_trained_anew_are_loaded_anew(tmp_path: Path):
 
 def test_weights_are_loaded_once_for_many_motions(tmp_path: Path, monkeypatch):
     folder, loaded = write_random_weights(tmp_path / "weights", seed=3), []
-    load = models.load_weights
-    monkeypatch.setattr(models, "load_weights", lambda *given: loaded.append(given) or load(*given))
+    load = kept_models.load_weights
+    monkeypatch.setattr(kept_models, "load_weights", lambda *given: loaded.append(given) or load(*given))
     for name in ("jump.bvh", "kick.bvh", "jump.bvh"):
         pumps.infill(pumps.load(CLIPS / name), "every:15", weights=folder)
     assert len(loaded) == 1

@@ -30,11 +30,10 @@ def asked_of(constraint: str, skeleton: Skeleton, truth: Motion, interval: int) 
         places = tuple((float(x), float(z)) for x, _, z in pelvis)
         return Constraints(keyframes=keys, path=RootPath(frames=tuple(range(truth.frames)), places=places))
     pins = []
+    heads = positions_of(skeleton, truth)
     for hand in _HANDS:
         end = end_effector(skeleton, hand, hand)
-        tail = np.tile(end.tail, (truth.frames, 1))
-        places = positions_of(skeleton, truth)[:, end.joint]
-        places = places + rotate(truth.rotations[:, end.joint].astype(np.float64), tail)
+        places = heads[:, end.joint] + rotate(truth.rotations[:, end.joint].astype(np.float64), end.tail)
         pins.append(Pin(end=hand, frames="all", places=tuple((float(x), float(y), float(z)) for x, y, z in places)))
     return Constraints(keyframes=keys, pins=tuple(pins))
 

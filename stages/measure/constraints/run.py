@@ -91,7 +91,7 @@ def _measured(
     free: Motion | None = None
     for constraint in config.constraints:
         asked = asked_of(constraint, skeleton, truth, config.interval)
-        parts = _parts_of(skeleton, truth, constraint, config)
+        parts = known_parts(asked, skeleton, truth.frames)  # its whole keys are the same with every constraint
         motion, fixed, _ = fixed_of(asked, skeleton, without_answers(skeleton, truth, parts), parts)
         known = parts.whole
         if free is None:
@@ -116,12 +116,6 @@ def _measured(
                 yield MetricRow(*place, method, constraint, config.interval, metric, value)
         for off_m in filled.pins_off_m.values():
             yield MetricRow(*place, CONSTRAINED, constraint, config.interval, "pin_off_mm", off_m * 1000)
-
-
-def _parts_of(skeleton: Skeleton, truth: Motion, constraint: str, config: Config) -> KnownParts:
-    """What is given. The keys are the same with every constraint."""
-    asked = asked_of(constraint, skeleton, truth, config.interval)
-    return known_parts(asked, skeleton, truth.frames)
 
 
 def without_answers(skeleton: Skeleton, truth: Motion, parts: KnownParts) -> Motion:

@@ -29,8 +29,8 @@ def summary_md(config: Config, rows: Sequence[MetricRow], models: Models, figure
         "# Filling under constraints\n",
         f"Made by:\n\n```\n{command_line('pumps measure constraints', config)}\n```\n",
         f"{figures['clips']} clips, {figures['windows']} windows of {config.window} frames at 30 a second, a key "
-        f"every {config.interval} frames; weights {models.name}. Errors are those of the missing frames, global, "
-        "means over windows; of all clips with a 95% bootstrap interval over clips. All rows of a table have "
+        f"every {config.interval} frames; weights {models.name}. Errors are global errors of the missing frames, as "
+        "means over windows. Those of all clips have a 95% bootstrap interval over clips. All rows of a table have "
         f"the same whole keys. {figures['out_of_reach']} windows are left out of the table of hands, since the "
         "filled body could not reach the places.\n",
     ]

@@ -56,8 +56,9 @@ def write_bvh(
     for frame, row in zip(made, text, strict=True):
         rows[frame] = row
     for frame, columns in (verbatim_columns or {}).items():
-        own, theirs = rows[frame].split(), bvh.rows[frame].split()
-        rows[frame] = b" ".join(new if copy else old for old, new, copy in zip(own, theirs, columns, strict=True))
+        made_row, kept_row = rows[frame].split(), bvh.rows[frame].split()
+        chosen = zip(made_row, kept_row, columns, strict=True)
+        rows[frame] = b" ".join(kept if copy else new for new, kept, copy in chosen)
     for frame, row in copied.items():
         if frame < count:
             rows[frame] = bvh.rows[row]

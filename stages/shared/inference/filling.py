@@ -37,6 +37,7 @@ from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import has_feet
 from stages.shared.kinematics.plain_interpolation import damped_smoothness, interpolate_values
 from stages.shared.kinematics.rotations import matrices
+from stages.shared.kinematics.runs import widened_to_keys
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
@@ -215,9 +216,7 @@ def start_from(
         parts = PartlyKnown.of(fixed, known, given)
         token_times = torch.as_tensor(tokens.times, device=device)
         with torch.no_grad():
-            at_tokens, at_gaps = (
-                parts.base(key_pose, given, motion.fps, glide, times) for times in (token_times, gap_times)
-            )
+            at_tokens, at_gaps = parts.bases(key_pose, given, motion.fps, glide, token_times, gap_times)
         return Start(given, key_pose, at_gaps, Scene(tokens, at_tokens), gap_times, parts)
     scene = Scene(tokens, key_pose.at(key_times, torch.as_tensor(tokens.times, device=device), smooth, glide))
     with torch.no_grad():
@@ -263,8 +262,10 @@ def solve_clouds(start: Start, clouds: Clouds, options: SolveOptions) -> Correct
 
 
 def _blocks_to_solve(is_key: np.ndarray) -> list[list[slice]]:
-    """Runs of tokens that are solved together, those in which a token is no key, by the block whose clouds they need.
-    If there is none, the first run, which tells the joints that points see."""
+    """Runs of tokens that are solved together, grouped by the block whose clouds they need.
+
+    Runs of keys alone are left out. If all runs are, the first one stays, since a solve tells which joints are seen.
+    """
     runs = [slice(first, min(first + CHUNK_TOKENS, len(is_key))) for first in range(0, len(is_key), CHUNK_TOKENS)]
     runs = [run for run in runs if not is_key[run].all()] or runs[:1]
     return [list(block) for _, block in groupby(runs, lambda run: run.start // BLOCK_TOKENS)]
@@ -274,7 +275,7 @@ def _targets_of(scene: Scene, clouds: Clouds, first: int, last: int) -> Callable
     """A function that gives the targets (n, P, 3) of the bound points in some of the tokens `first` to `last`."""
     tokens, binding = scene.tokens, clouds.binding
     # With the keys on both sides, at which the difference of the clouds is subtracted.
-    low, high = tokens.between_keys(first, last)
+    low, high = widened_to_keys(np.flatnonzero(tokens.is_key), first, last)
     points, reference = clouds.at(low, high, tokens.around_gaps()[low:high])
     times, is_key = scene.times[low:high], scene.is_key[low:high]
 

@@ -15,7 +15,6 @@ above the foot still turns or accelerates too much, its shift is reduced step by
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -26,7 +25,7 @@ from scipy.ndimage import maximum_filter1d
 
 from stages.shared.inference.pop_limits import ROUNDING, PopLimits, Steps, without_pops
 from stages.shared.inference.standing_feet import held_shifts, lowered_feet, standing_feet
-from stages.shared.kinematics.foot_contacts import Feet, find_feet, limb_joints
+from stages.shared.kinematics.foot_contacts import Feet, and_below, find_feet, limb_joints
 from stages.shared.kinematics.rotations import multiply
 from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.bounded_path import bounded_shift
@@ -105,7 +104,7 @@ class _Leg:
 
     def members(self, parents: np.ndarray) -> list[int]:
         """Its joints, the ankle and what hangs on them."""
-        return _with_what_hangs_on(parents, [self.joints[0]])
+        return and_below(parents, [self.joints[0]])
 
     def rows(self, rows: slice) -> _Leg:
         """Some of the frames."""
@@ -133,18 +132,9 @@ def _legs_of(pose: SkeletonPose, feet: Feet, known: np.ndarray) -> list[_Leg]:
             continue
         above = rotations[:, int(skeleton.parents[joints[0]])]
         limb = Limb(local[:, joints], above, heads[:, joints[0]], offsets[:, below[1:]])
-        foot = heads[:, _with_what_hangs_on(skeleton.parents, [int(ankle)])]
+        foot = heads[:, and_below(skeleton.parents, [int(ankle)])]
         legs.append(_Leg(group, joints, int(ankle), limb, foot, prior[joints]))
     return legs
-
-
-def _with_what_hangs_on(parents: np.ndarray, joints: Iterable[int], but: Iterable[int] = ()) -> list[int]:
-    """Joints and all joints below them, parents first, without those of `but` and below."""
-    found, left_out = set(joints), set(but)
-    for joint, parent in enumerate(parents):
-        if int(parent) in found and joint not in left_out:
-            found.add(joint)
-    return sorted(found)
 
 
 @dataclass(frozen=True)
@@ -319,7 +309,7 @@ def _with_legs_turned(
     rotations = pose.rotations.clone()
     for leg, turn in zip(legs, turns, strict=True):
         rotations[:, leg.joints] = torch.as_tensor(leg.limb.turned(turn)[0], dtype=torch.float32)
-        for joint in _with_what_hangs_on(parents, leg.joints, [leg.ankle]):
+        for joint in and_below(parents, leg.joints, [leg.ankle]):
             if joint not in leg.joints:
                 rotations[:, joint] = multiply(rotations[:, int(parents[joint])], pose.local[:, joint])
     gaps = np.flatnonzero(~known)

@@ -19,6 +19,7 @@ from data_schemas.trainings import last_sentence
 from stages.shared.inference.bounded_network import MOST_POINTS, MOST_WINDOW, build_bounded, whole_setting
 from stages.shared.inference.confidence import Confidence, read_confidence
 from stages.shared.kinematics.plain_interpolation import Glide
+from stages.shared.kinematics.runs import widened_to_keys
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.networks.layers.sizes import DecoderSizes, EncoderSizes, SynthesiserSizes
 from stages.shared.networks.pumps.cloud_decoder import CloudDecoder, grid_cells
@@ -141,7 +142,7 @@ class Models:
         """
         keys = torch.nonzero(known).squeeze(1).cpu().numpy()
         windows = overlapping_windows(len(known), self.window)
-        return [Span(*_widened(keys, start, stop), start, stop, fade) for start, stop, fade in windows]
+        return [Span(*widened_to_keys(keys, start, stop), start, stop, fade) for start, stop, fade in windows]
 
     def synthesise(
         self,
@@ -265,14 +266,6 @@ def window_seams(frames: int, windows: Sequence[int]) -> np.ndarray:
     spans = [span for window in windows for span in overlapping_windows(frames, window)]
     inside = [edge for start, stop, _ in spans for edge in (start, stop) if 0 < edge < frames]
     return np.array(sorted({frame for edge in inside for frame in (edge - 1, edge)}), np.int64)
-
-
-def _widened(keys: np.ndarray, start: int, stop: int) -> tuple[int, int]:
-    """The window extended to the nearest keys outside it, so that every gap in it keeps the keys at both its ends;
-    keys (K,) rising, at least one."""
-    before = int(np.searchsorted(keys, start, side="right")) - 1
-    after = int(np.searchsorted(keys, stop - 1))
-    return int(keys[before]) if before >= 0 else start, int(keys[after]) + 1 if after < len(keys) else stop
 
 
 def load_autoencoder(path: str | Path, device: str = "auto") -> Autoencoder:

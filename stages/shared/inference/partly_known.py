@@ -64,23 +64,29 @@ class PartlyKnown:
         """Joints that are given in every frame."""
         return np.concatenate([np.zeros(0, np.int64), *(kind.joints for kind in self.alike if kind.given.all())])
 
-    def base(
-        self, keys: SkeletonPose, given: SkeletonPose, fps: float, glide: Glide | None, times: Tensor
-    ) -> SkeletonPose:
-        """The plain interpolation at times (M,) in model frames.
+    def bases(
+        self, keys: SkeletonPose, given: SkeletonPose, fps: float, glide: Glide | None, *times: Tensor
+    ) -> list[SkeletonPose]:
+        """The plain interpolation at each of some lists of times (M,) in model frames.
 
         Args:
             keys: the K whole keys. given: all T frames, of which only what is given is read.
         """
-        everywhere = torch.arange(len(self.known), device=times.device).double() * (MODEL_FPS / fps)
+        everywhere = torch.arange(len(self.known), device=keys.heads.device).double() * (MODEL_FPS / fps)
         key_times = everywhere[np.flatnonzero(self.known)]
         smooth = damped_smoothness(key_times, MODEL_FPS)
-        base = self._by_part(keys.at(key_times, times, smooth, glide), given, fps, glide, times)
-        whole = self._by_part(keys.at(key_times, everywhere, smooth, glide), given, fps, glide, everywhere)
-        away = self.pelvis - whole.heads[:, given.skeleton.root].double().cpu().numpy()
+
+        def by_part(at: Tensor) -> SkeletonPose:
+            return self._by_part(keys.at(key_times, at, smooth, glide), given, fps, glide, at)
+
+        away = self.pelvis - by_part(everywhere).heads[:, given.skeleton.root].double().cpu().numpy()
         away[self.known] = 0.0
-        shifts = self._along_axes(away, ~np.isnan(away), fps, times)
-        return base.corrected(base.heads.new_zeros(base.heads.shape), shifts)
+        made = []
+        for at in times:
+            base = by_part(at)
+            shifts = self._along_axes(away, ~np.isnan(away), fps, at)
+            made.append(base.corrected(base.heads.new_zeros(base.heads.shape), shifts))
+        return made
 
     def _by_part(
         self, base: SkeletonPose, given: SkeletonPose, fps: float, glide: Glide | None, times: Tensor
@@ -98,8 +104,12 @@ class PartlyKnown:
         return base.with_local(local, base.roots, offsets)
 
     def without(self, turns: Tensor, shifts: Tensor, fps: float) -> tuple[Tensor, Tensor]:
-        """Corrections of the M frames that are not known, turns (M, J, 3) and shifts (M, 3), that vanish where parts
-        are given: what they are there is interpolated over the frames between, and subtracted."""
+        """Corrections that vanish where parts are given: their values there are interpolated over the frames between,
+        and subtracted.
+
+        Args:
+            turns: (M, J, 3) of the M frames that are not known. shifts: (M, 3) of the same frames.
+        """
         gaps = np.flatnonzero(~self.known)
         times = torch.as_tensor(gaps * (MODEL_FPS / fps), device=turns.device)
         pelvis = ~np.isnan(self.pelvis)

@@ -14,10 +14,9 @@ import numpy as np
 import torch
 
 from data_schemas.errors import InputError
-from data_schemas.skeleton import Skeleton
 from stages.shared.inference.constraints.fixed import MOST_M, Fixed, PinnedEnd, place_of_keys
 from stages.shared.inference.constraints.rig_parts import EndEffector, end_effector
-from stages.shared.kinematics.foot_contacts import has_feet
+from stages.shared.kinematics.foot_contacts import and_below, has_feet
 from stages.shared.kinematics.rotations import multiply, rotate
 from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.limb_solve import Limb, solve_limb
@@ -30,11 +29,16 @@ OPEN_RAD = 0.5  # how far a joint may turn about an axis about which the keys do
 LIMB_S, BODY_S = 0.08, 0.2  # over which the corrections of a limb and of the rest of the body come and go
 AROUND_S = 1.0  # of the clip before and after the pins that may change
 HELD, LOOSE = 1e6, 0.005  # weights of a shift in frames of the pin, and in others
-CLOSE_M, REACHED_M = 0.0005, 0.002  # nearer than this an end is at its place; further, the body helps
-LEAN_M = 0.1  # a place that is further out of reach moves the pelvis before it bends the spine
-DIVERGED = 3.0  # times the nearest that ends have come to their places: the body starts from there again
-ROUNDS, PATIENCE, BETTER = 14, 4, 0.9  # rounds; those without an end that comes nearer by a tenth
-SPINE_STIFFER = 10.0  # of the spine's joints beside the limb's
+CLOSE_M = 0.0005  # ends that are nearer to their places than this are there, and nothing more is done
+REACHED_M = 0.002  # ends that are further away need the spine and the pelvis; later rounds end here
+LEAN_M = 0.1  # further away than this, the spine bends in every other round only, after the pelvis has moved
+DIVERGED = 3.0  # if the distance grows to so many times the smallest one, the next round starts from that pose again
+ROUNDS, PATIENCE, BETTER = (
+    14,
+    4,
+    0.9,
+)  # most rounds, and most without a fall of the distance by a tenth
+SPINE_STIFFER = 10.0  # how many times stiffer the spine's joints are than the limb's
 
 
 @dataclass(frozen=True)
@@ -249,10 +253,10 @@ def _turned(
     assert turns is not None
     made = pose.rotations.clone()
     made[:, chain] = torch.as_tensor(limb.turned(turns)[0], dtype=torch.float32)
-    hanging = _below(skeleton, end.joint) if end.is_head else []
+    hanging = and_below(skeleton.parents, [end.joint]) if end.is_head else []
     # A joint is given in its parent: what hangs on the end turns with it in frames in which any of that is given.
     keeps = torch.as_tensor(~held.given[:, hanging].any(axis=1))[:, None]
-    for joint in _below(skeleton, chain[0]):
+    for joint in and_below(skeleton.parents, [chain[0]]):
         if joint not in chain:
             turned = multiply(made[:, int(skeleton.parents[joint])], pose.local[:, joint])
             made[:, joint] = torch.where(keeps, made[:, joint], turned) if joint in hanging else turned
@@ -264,12 +268,3 @@ def _point_of(pose: SkeletonPose, end: EndEffector) -> np.ndarray:
     """(T, 3) metres."""
     tail = torch.as_tensor(end.tail, dtype=torch.float32).expand(len(pose), 3)
     return (pose.heads[:, end.joint] + rotate(pose.rotations[:, end.joint], tail)).double().cpu().numpy()
-
-
-def _below(skeleton: Skeleton, joint: int) -> list[int]:
-    """A joint and all below it, parents first."""
-    found = {joint}
-    for other, parent in enumerate(skeleton.parents):
-        if int(parent) in found:
-            found.add(other)
-    return sorted(found)

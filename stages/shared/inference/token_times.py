@@ -47,13 +47,6 @@ class Tokens:
         around[:-1] |= free[1:]
         return around
 
-    def between_keys(self, first: int, last: int) -> tuple[int, int]:
-        """Tokens `first` to `last` (excluded) extended to the keys at or beyond both ends, where there are such."""
-        keys = np.flatnonzero(self.is_key)
-        before = int(np.searchsorted(keys, first, side="right")) - 1
-        after = int(np.searchsorted(keys, last - 1))
-        return int(keys[before]) if before >= 0 else first, int(keys[after]) + 1 if after < len(keys) else last
-
     def spread(self) -> np.ndarray:
         """Indices of some tokens, spread evenly over the clip: enough to find the bones of the points."""
         return np.unique(np.linspace(0, len(self.times) - 1, SPREAD).round().astype(np.int64))

@@ -19,6 +19,7 @@ The floor is flat: on stairs and slopes feet above the lowest level count as lif
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -194,3 +195,16 @@ def _long_runs(flags: np.ndarray, least: int) -> np.ndarray:
         short[[0, -1]] = False
         out[:, column] &= ~np.repeat(short, lengths)
     return out
+
+
+def and_below(parents: np.ndarray, joints: Iterable[int], but: Iterable[int] = ()) -> list[int]:
+    """Joints and all joints below them, parents first, without those of `but` and the joints below those.
+
+    Args:
+        parents: (J,) index of each joint's parent, smaller than its own; -1 at the top.
+    """
+    found, left_out = set(joints), set(but)
+    for joint, parent in enumerate(parents):
+        if int(parent) in found and joint not in left_out:
+            found.add(joint)
+    return sorted(found)

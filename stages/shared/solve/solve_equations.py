@@ -276,7 +276,7 @@ def _evidence(mass: Tensor, first: Tensor, second: Tensor, heads: Tensor, rotati
     block = trace[..., None, None] * torch.eye(3, device=mass.device, dtype=mass.dtype) - outer
     # d point / d turn_i is -[a]x, so the block is [a]x' [b]x = (a.b) I - b a'; rows belong to i, columns to j.
     block = rotations[:, upper].transpose(-1, -2) @ block @ rotations[:, lower]
-    # The blocks lie as the matrix has them, so that it is a view and not another copy.
+    # In memory the blocks have the order of the matrix, so that the reshape at the end makes no copy.
     full = mass.new_zeros(frames, joints + 1, 3, joints + 1, 3).transpose(2, 3)
     full[:, upper + 1, lower + 1] = block
     full[:, lower + 1, upper + 1] = block.transpose(-1, -2)

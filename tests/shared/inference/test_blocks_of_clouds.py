@@ -14,6 +14,7 @@ from stages.shared.inference.cloud_sources import GivenLatents, ReconstructedClo
 from stages.shared.inference.filling import fill_motion
 from stages.shared.inference.models import Models, Span, load_weights, overlapping_windows, reach_of, touching
 from stages.shared.inference.token_times import Tokens
+from stages.shared.kinematics.runs import widened_to_keys
 from tests.shared.inference.examples import humanoid, swinging
 
 FRAMES = 200
@@ -114,11 +115,10 @@ def test_windows_that_touch_frames_are_those_that_write_them(frames: int, window
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60), st.data())
-def test_tokens_between_keys_begin_and_end_at_keys_where_there_are_any(known: list[bool], data) -> None:
-    tokens = Tokens(np.arange(float(len(known))), np.array(known), 30.0)
+def test_widened_stretches_begin_and_end_at_keys_where_there_are_any(known: list[bool], data) -> None:
     first = data.draw(st.integers(0, len(known) - 1))
     last = data.draw(st.integers(first + 1, len(known)))
-    low, high = tokens.between_keys(first, last)
+    low, high = widened_to_keys(np.flatnonzero(known), first, last)
     assert 0 <= low <= first and last <= high <= len(known)
     assert known[low] or not any(known[: first + 1])
     assert known[high - 1] or not any(known[last - 1 :])

@@ -7,11 +7,11 @@ import torch
 from data_schemas.artefact import open_artefact, verify
 from data_schemas.errors import InputError
 from stages.shared.inference.models import (
-    _widened,
     load_weights,
     overlapping_windows,
     window_seams,
 )
+from stages.shared.kinematics.runs import widened_to_keys
 from stages.shared.weights.shipped import SHIPPED, shipped_weights, weights_folder
 
 
@@ -44,10 +44,10 @@ def test_where_windows_meet_weights_fade_so_that_nothing_jumps():
 
 def test_a_window_is_widened_to_the_keys_at_both_ends_of_its_gaps():
     keys = np.array([0, 18, 39])
-    assert _widened(keys, 5, 15) == (0, 19)
-    assert _widened(keys, 20, 30) == (18, 40)
-    assert _widened(keys[:2], 30, 40) == (18, 40)
-    assert _widened(keys[1:], 2, 12) == (2, 19)
+    assert widened_to_keys(keys, 5, 15) == (0, 19)
+    assert widened_to_keys(keys, 20, 30) == (18, 40)
+    assert widened_to_keys(keys[:2], 30, 40) == (18, 40)
+    assert widened_to_keys(keys[1:], 2, 12) == (2, 19)
 
 
 @pytest.mark.parametrize("name", shipped_weights())

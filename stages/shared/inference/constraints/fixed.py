@@ -16,8 +16,9 @@ from stages.shared.inference.constraints.rig_parts import EndEffector, end_effec
 from stages.shared.kinematics.forward_numpy import global_rotations, local_rotations, positions_of
 from stages.shared.kinematics.rotations import continuous_signs, rotate, slerp
 
-EXACT_M, MOST_M = 0.005, 0.010  # how far a pinned end may be from its place; where keys contradict the pin
-PATH_M = 0.10  # how far the pelvis of a key may be from the path; the path then goes through the key
+EXACT_M = 0.005  # a pinned end is at most so far from its place
+MOST_M = 0.010  # the same where keys contradict the pin
+PATH_M = 0.10  # the pelvis of a key may be so far from the path, which then goes through the key
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,6 @@ class Fixed:
             places = None if pin.places is None else pin.places[inside]
             pins.append(replace(pin, frames=pin.frames[inside] - rows.start, places=places))
         return Fixed(self.joints[rows], self.pelvis[rows], tuple(pin for pin in pins if len(pin.frames)))
-
-    def given_with(self, known: np.ndarray) -> Fixed:
-        """The same, with whole frames (T,) fixed; their pelvis stays NaN where it is."""
-        return replace(self, joints=self.joints | known[:, None])
 
 
 def fixed_of(
@@ -150,7 +147,6 @@ def _with_locks(skeleton: Skeleton, motion: Motion, given: np.ndarray, locked: n
         step = np.maximum(keys[after] - keys[before], 1)
         share = ((wanted - keys[before]) / step).clip(0, 1)
         first, last = local[keys[before], joint], local[keys[after], joint]
-        last = np.where((first * last).sum(-1, keepdims=True) < 0, -last, last)
         local[wanted, joint] = slerp(first, last, share[:, None])
     rotations = global_rotations(local, skeleton.parents)
     rotations /= np.linalg.norm(rotations, axis=-1, keepdims=True)

@@ -50,8 +50,8 @@ class KnownParts:
         return KnownParts(joints, position)
 
     def with_ends(self) -> KnownParts:
-        """The same, and every part before its first frame and after its last one, where files stay as they are;
-        frames before and after all parts' stay without."""
+        """The same, with each part also given before its first frame and after its last one, where files stay as they
+        are. Nothing is added to frames before the first or after the last frame that is given of any part."""
         table = np.column_stack([self.joints, self.position])
         named = np.flatnonzero(table.any(axis=1))
         begun = np.maximum.accumulate(table, axis=0)

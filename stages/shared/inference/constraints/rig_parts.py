@@ -8,7 +8,8 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
-from stages.shared.kinematics.foot_contacts import find_feet
+from stages.shared.kinematics.foot_contacts import LEGS, find_feet
+from stages.shared.kinematics.plain_interpolation import pelvis_and_above
 
 POSITION, ROOT = "position", "root"
 _UNIONS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
@@ -28,12 +29,7 @@ class RigPart:
 
 def placing_joints(skeleton: Skeleton) -> np.ndarray:
     """(J,) bool: the pelvis and the joints above it."""
-    found = np.zeros(skeleton.joints, bool)
-    joint = skeleton.root
-    while joint >= 0:
-        found[joint] = True
-        joint = int(skeleton.parents[joint])
-    return found
+    return pelvis_and_above(skeleton.parents, skeleton.root).numpy()
 
 
 def rig_part(skeleton: Skeleton, names: str, what: str) -> RigPart:
@@ -58,7 +54,7 @@ def rig_part(skeleton: Skeleton, names: str, what: str) -> RigPart:
 
 def _one(skeleton: Skeleton, name: str, what: str) -> tuple[np.ndarray, bool]:
     above = placing_joints(skeleton)
-    legs = np.isin(skeleton.groups, [BODY_GROUPS.index(each) for each in _UNIONS["legs"]])
+    legs = np.isin(skeleton.groups, LEGS)
     none = np.zeros(skeleton.joints, bool)
     if name == POSITION:
         return none, True
