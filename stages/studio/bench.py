@@ -192,6 +192,7 @@ class Bench:
 
     def _run(self, stage: str, values: dict[str, Any], output: Path, told: Told) -> tuple[Path, tuple[str, ...]]:
         try:
+            told(f"pumps {stage}", 0, 0)
             report = self._worker.run(stage, {**values, "output": output}, told)
         except (CancelledError, PumpsError):
             output.with_suffix(".json").unlink(missing_ok=True)

@@ -47,7 +47,9 @@ class Job:
         }  # fmt: skip
 
     def tell(self, label: str, done: float, total: float) -> None:
-        """Its progress."""
+        """Its progress. Raises CancelledError where it was cancelled, so that no further step begins."""
+        if self.state == "cancelled":
+            raise CancelledError
         self.label, self.done, self.total = label, done, total
 
 
@@ -93,8 +95,8 @@ class Jobs:
                 return
             running = job.state == "running"
             job.state = "cancelled"
-        if running:
-            self._worker.cancel()
+            if running:
+                self._worker.cancel()  # before the next job begins, which waits for the lock
 
     def close(self) -> None:
         """Run no further job."""

@@ -56,7 +56,8 @@ class Worker:
             if self._process is None or not self._process.is_alive():
                 self._start(warm=False)  # the work itself loads what it needs
             self._cancelled = False
-            process, connection = self._process, self._connection
+            process: Any = self._process
+            connection = self._connection
         try:
             connection.send((stage, values))
             while True:
