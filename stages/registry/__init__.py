@@ -15,6 +15,7 @@ PANELS = {
     "Animate": (
         "infill",
         "retarget",
+        "studio",
         "edit",
         "denoise",
         "estimate",

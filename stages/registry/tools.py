@@ -6,6 +6,12 @@ from stages.registry.stage import Stage
 
 STAGES: tuple[Stage, ...] = (
     Stage(
+        ("studio",),
+        "Open a page on this machine: set keyframes, fill, compare, edit and save, by hand and eye.",
+        ("any format", "checkpoint"), "", "pumps studio walk.bvh",
+        arguments=("input",), pipeline=False,
+    ),
+    Stage(
         ("denoise",),
         "Clean a noisy motion on its own skeleton: mend noisy and missing frames, keep the others.",
         ("any format", "checkpoint"), "BVH, GLB, npz, CSV, Parquet", "pumps denoise noisy.bvh -o clean.bvh",

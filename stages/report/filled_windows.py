@@ -11,7 +11,8 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.fills import FilledBatch, FillsReader, kept_joints
 from data_schemas.skeleton import Skeleton
-from stages.report.drawings import Drawing, Heading, drawing_of, scene_of
+from stages.report.drawings import Drawing, Heading, scene_of
+from stages.shared.humanoid.stick_figure import stick_figure
 from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 
@@ -105,7 +106,7 @@ class FilledWindows:
         heads = np.zeros((len(batch.known), skeleton.joints, 3), np.float32)
         turns = np.zeros((len(batch.known), skeleton.joints, 4), np.float32)
         heads[:, joints], turns[:, joints] = positions[0], rotations[0]
-        return drawing_of(method, skeleton, heads, turns, self.fps)
+        return Drawing(method, self.fps, stick_figure(skeleton, heads, turns))
 
     def close(self) -> None:
         """Close the files."""

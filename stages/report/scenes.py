@@ -14,10 +14,11 @@ from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
 from stages.report.config import Config
-from stages.report.drawings import Drawing, Heading, drawing_of, heading_of, scene_of
+from stages.report.drawings import Drawing, Heading, heading_of, scene_of
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.sources import source_named
+from stages.shared.humanoid.stick_figure import stick_figure
 from stages.shared.inference.keyframes import parse_keyframes
 from stages.shared.kinematics.forward import global_rotations, local_rotations, offsets_over_time, positions_of
 from stages.shared.kinematics.plain_interpolation import interpolate_pose
@@ -125,7 +126,8 @@ def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: s
 
 def _drawing_of(played: Played) -> Drawing:
     skeleton, motion = played.skeleton, played.motion
-    return drawing_of(played.name, skeleton, positions_of(skeleton, motion), motion.rotations, motion.fps)
+    figure = stick_figure(skeleton, positions_of(skeleton, motion), motion.rotations)
+    return Drawing(played.name, motion.fps, figure)
 
 
 def slerped(skeleton: Skeleton, motion: Motion, keys: np.ndarray) -> Motion:

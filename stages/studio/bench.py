@@ -1,0 +1,269 @@
+"""What the page asks for, done: files opened, settings changed, motions filled and edited, results saved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.own_folders import remove_own_folder
+from data_schemas.whole_file import write_whole
+from stages.registry import stage_named
+from stages.shared.file_names import is_file_name
+from stages.shared.formats.readers import recognise
+from stages.shared.formats.sources import source_named
+from stages.shared.inference.constraints.asked import Constraints
+from stages.shared.weights.shipped import shipped_weights
+from stages.studio.folder import Folder
+from stages.studio.jobs import Job, Jobs
+from stages.studio.saving import save
+from stages.studio.scene import Scene, scene_of
+from stages.studio.session import FillSettings, MotionRecord, Session, Sessions, State
+from stages.studio.steps import FILL, VERBS, constraints_bytes, fill_options, first_keys, settings_after, verb_options
+from stages.studio.worker import CancelledError, Told, Worker, config_of
+
+MOST_SAMPLES = 8
+
+
+class Bench:
+    """A folder with its sessions, and the process that computes."""
+
+    def __init__(self, folder: Folder, weights: str, device: str) -> None:
+        self.folder = folder
+        self.sessions = Sessions(folder.sessions())
+        self.weights = list(dict.fromkeys([weights, *shipped_weights()]))
+        self._device = device
+        self._worker = Worker(weights, device)
+        self.jobs = Jobs(self._worker)
+        self.scene = lru_cache(maxsize=16)(self._scene)
+
+    def warm(self) -> None:
+        """Load the models, so that the first fill need not."""
+        self._worker.start()
+
+    def close(self) -> None:
+        """End what runs."""
+        self.jobs.close()
+        self._worker.close()
+
+    def shown(self, session: Session) -> dict[str, Any]:
+        """A session as the page gets it."""
+        state = session.state
+        motions = {k: v.model_dump(mode="json", exclude={"constraints"}) for k, v in session.motions.items()}
+        return {
+            "id": session.id,
+            "revision": session.revision,
+            "undo": session.state.label if session.cursor else "",
+            "redo": session.history[session.cursor + 1].label if session.cursor + 1 < len(session.history) else "",
+            "state": state.model_dump(mode="json"),
+            "motions": motions,
+            "jobs": [job.plain() for job in self.jobs.of(session.id) if not job.ended],
+        }
+
+    def open_file(self, name: str, session: str | None, revision: int | None, aside: bool) -> Session:
+        """Open a recording of the folder, in a session or a new one. Raises InputError, UsageError.
+
+        Args:
+            aside: hold it ready as a second motion, and leave the timeline as it is.
+        """
+        path = self.folder.recording(name)
+        data = source_named(str(path)).read()
+        return self._opened(data, path, name, name, session, revision, aside)
+
+    def open_bytes(self, name: str, data: bytes, session: str | None, revision: int | None, aside: bool) -> Session:
+        """Open a file that was dropped on the page. Raises InputError, UsageError."""
+        if not is_file_name(name):
+            raise UsageError(f"{name!r} cannot be the name of a file.", "Rename it.")
+        return self._opened(data, None, name, "", session, revision, aside)
+
+    def set_settings(self, session: str, revision: int, label: str, settings: Mapping[str, Any]) -> Session:
+        """Change how the motion is filled. Raises UsageError for weights that the studio does not offer."""
+        raw = dict(settings)
+        checked = FillSettings.model_validate(
+            {**raw, "constraints": Constraints.model_validate(raw.get("constraints"))}
+        )
+        if checked.weights not in self.weights:
+            raise UsageError(
+                f"The studio offers no weights {checked.weights!r}.", f"Choose {', '.join(self.weights)}."
+            )
+
+        def change(old: Session) -> Session:
+            return old.with_state(old.state.model_copy(update={"label": label[:80], "settings": checked}))
+
+        return self.sessions.change(session, change, revision)
+
+    def move(self, session: str, revision: int, steps: int) -> Session:
+        """Undo (-1) or redo (1)."""
+        return self.sessions.change(session, lambda old: old.moved(steps), revision)
+
+    def choose(self, session: str, revision: int, motion: str) -> Session:
+        """Go on from another motion of the session: it comes onto the timeline."""
+
+        def change(old: Session) -> Session:
+            label = f"Went on from {old.record(motion).name}"
+            same_length = old.record(motion).frames == old.record(old.state.motion).frames
+            asked = old.state.settings.constraints if same_length else self._first_constraints(old.record(motion))
+            settings = old.state.settings.model_copy(update={"constraints": asked})
+            return old.with_state(State(label=label, motion=motion, settings=settings))
+
+        return self.sessions.change(session, change, revision)
+
+    def discard(self, session: str, revision: int, motion: str) -> Session:
+        """Take a result away; undo brings it back."""
+
+        def change(old: Session) -> Session:
+            left = tuple(each for each in old.state.results if each != motion)
+            label = f"Took {old.record(motion).name} away"
+            return old.with_state(old.state.model_copy(update={"label": label, "results": left}))
+
+        return self.sessions.change(session, change, revision)
+
+    def fill(self, session: str, samples: int) -> Job:
+        """Fill the motion on the timeline as the settings say, once or with several seeds."""
+        found = self.sessions.load(session)
+        state = found.state
+        source = self.sessions.bvh(found, state.motion)
+        if not 1 <= samples <= MOST_SAMPLES:
+            raise UsageError(f"{samples} samples are asked for.", f"Ask for 1 to {MOST_SAMPLES}.")
+
+        def work(told: Told) -> dict[str, Any]:
+            made = []
+            for sample in range(samples):
+                settings = state.settings.model_copy(update={"seed": state.settings.seed + sample})
+                options = fill_options(settings)
+                motion = self.sessions.take_motion_name(session)
+                asked = source.with_name(f"{motion}.json")
+                write_whole(asked, constraints_bytes(settings.constraints))
+                values = {**options, "input": source, "constraints": asked, "device": self._device}
+                told_here = told if samples == 1 else _counted(told, sample, samples)
+                output, lines = self._run(FILL, values, source.with_name(f"{motion}.bvh"), told_here)
+                name = f"fill {motion[1:]}: {settings.weights}" + (f", seed {settings.seed}" if settings.seed else "")
+                record = MotionRecord(
+                    name=name, stage=FILL, options=options, constraints=settings.constraints, source=state.motion,
+                    **self._length(output), told=lines,
+                )  # fmt: skip
+                self.sessions.change(session, lambda old, r=record, m=motion: _with_result(old, r, m))
+                made.append(motion)
+            return {"motions": made}
+
+        return self.jobs.add(session, work)
+
+    def edit(self, session: str, name: str, asked: Mapping[str, Any], other: str) -> Job:
+        """Change the whole motion on the timeline by a verb."""
+        found = self.sessions.load(session)
+        state = found.state
+        source = self.sessions.bvh(found, state.motion)
+        options = verb_options(name, asked, state.settings)
+        verb = VERBS[name]
+        if bool(verb.other) != bool(other):
+            raise UsageError(f"{name} {'needs' if verb.other else 'takes no'} second motion.", "Choose one.")
+        values: dict[str, Any] = {**options, "input": source}
+        if verb.other:
+            values[verb.other] = self.sessions.bvh(found, other)
+        if "device" in stage_named(verb.stage).config_type().model_fields:
+            values["device"] = self._device
+        before = found.record(state.motion)
+
+        def work(told: Told) -> dict[str, Any]:
+            motion = self.sessions.take_motion_name(session)
+            output, lines = self._run(verb.stage, values, source.with_name(f"{motion}.bvh"), told)
+            record = MotionRecord(
+                name=f"{before.name}, {name}", stage=verb.stage, options=options, source=state.motion,
+                other=other, **self._length(output), told=lines,
+            )  # fmt: skip
+            settings = settings_after(name, options, state.settings, before.frames)
+            if settings.constraints.keyframes is None and not settings.constraints.parts:
+                settings = settings.model_copy(update={"constraints": self._first_constraints(record)})
+
+            def change(old: Session) -> Session:
+                held = old.model_copy(update={"motions": {**old.motions, motion: record}})
+                return held.with_state(State(label=name.capitalize(), motion=motion, settings=settings))
+
+            self.sessions.change(session, change)
+            return {"motions": [motion]}
+
+        return self.jobs.add(session, work)
+
+    def save(self, session: str, motion: str, name: str, overwrite: bool) -> dict[str, Any]:
+        """Write a motion into the folder, with its constraints and commands."""
+        return save(self.folder, self.sessions, self.sessions.load(session), motion, name, overwrite)
+
+    def _run(self, stage: str, values: dict[str, Any], output: Path, told: Told) -> tuple[Path, tuple[str, ...]]:
+        try:
+            told(f"pumps {stage}", 0, 0)
+            report = self._worker.run(stage, {**values, "output": output}, told)
+        except (CancelledError, PumpsError):
+            output.with_suffix(".json").unlink(missing_ok=True)
+            output.unlink(missing_ok=True)
+            raise
+        return output, tuple(report.lines)
+
+    def _opened(
+        self, data: bytes, path: Path | str | None, name: str, inside: str, session: str | None,
+        revision: int | None, aside: bool,
+    ) -> Session:  # fmt: skip
+        fresh = session is None
+        settings = FillSettings(weights=self.weights[0], seed=0)
+        found = self.sessions.create(settings) if session is None else self.sessions.load(session)
+        try:
+            motion = self.sessions.take_motion_name(found.id)
+            bvh = self.sessions.folder(found.id) / f"{motion}.bvh"
+            converted = self._write_as_bvh(data, path, name, bvh)
+            shown = PurePosixPath(name.partition("!")[2] or name).name
+            record = MotionRecord(name=shown, opened=inside, converted=converted, **self._length(bvh))
+
+            def change(old: Session) -> Session:
+                held = old.model_copy(update={"motions": {**old.motions, motion: record}})
+                if aside:
+                    return held
+                kept = old.state.settings.model_copy(update={"constraints": self._first_constraints(record)})
+                return held.with_state(State(label=f"Opened {shown}", motion=motion, settings=kept))
+
+            return self.sessions.change(found.id, change, None if fresh else revision)
+        except BaseException:
+            if fresh:
+                remove_own_folder(self.sessions.folder(found.id))
+            raise
+
+    def _write_as_bvh(self, data: bytes, path: Path | str | None, name: str, bvh: Path) -> bool:
+        """Write a recording as a BVH; whether it was of another format."""
+        chosen = recognise(data, name)
+        if chosen is None:
+            raise InputError(f"{name} is not a recording in a format that pumps reads.", "Open another file.")
+        if chosen.name == "bvh":
+            write_whole(bvh, data)
+            return False
+        draft = None
+        if path is None:
+            draft = bvh.with_name(f"{bvh.stem}.dropped{PurePosixPath(name).suffix}")
+            write_whole(draft, data)
+        stage_named("export").runner()(config_of("export", {"input": str(path or draft), "output": bvh}))
+        return True
+
+    def _scene(self, session: str, motion: str) -> Scene:
+        return scene_of(self.sessions.bvh(self.sessions.load(session), motion))
+
+    def _length(self, bvh: Path) -> dict[str, Any]:
+        found = scene_of(bvh).description
+        return {"frames": found["frames"], "fps": found["fps"]}
+
+    def _first_constraints(self, record: MotionRecord) -> Constraints:
+        return Constraints(keyframes=first_keys(record.frames, record.fps))
+
+
+def _with_result(old: Session, record: MotionRecord, motion: str) -> Session:
+    """A session with one more result; unchanged where the motion that was filled is not in it any more."""
+    if record.source not in old.motions:
+        return old
+    held = old.model_copy(update={"motions": {**old.motions, motion: record}})
+    results = (*old.state.results, motion)
+    return held.with_state(old.state.model_copy(update={"label": "Filled", "results": results}))
+
+
+def _counted(told: Told, number: int, count: int) -> Told:
+    """Progress of one of several samples as progress of all."""
+    return lambda label, done, total: told(
+        f"sample {number + 1} of {count}", number + (done / total if total else 0), count
+    )

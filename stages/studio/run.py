@@ -1,0 +1,92 @@
+"""`pumps studio`: a page on this machine. It runs until it is interrupted."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from data_schemas.errors import PumpsError, UsageError
+from stages.shared.contract import StageReport
+from stages.shared.progress import SILENT, Progress
+from stages.shared.weights.shipped import weights_folder
+from stages.studio.config import Config
+from stages.studio.folder import SESSIONS, Folder
+
+ADDRESS = "127.0.0.1"
+
+
+def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
+    """Serve the page until an interrupt.
+
+    Raises: UsageError where the extra `studio` is not installed, or the recording is not in the folder; InputError
+        for a folder or weights that are not there; PumpsError for a port that is taken.
+    """
+    if not all(find_spec(name) for name in ("starlette", "uvicorn")):
+        raise UsageError(
+            "The studio needs Starlette and uvicorn.", "Install them with `pip install 'pumps[studio]'`."
+        )
+    folder, first = _places(config)
+    weights_folder(config.weights)
+    with _listening(config.port) as listening:
+        port = listening.getsockname()[1]
+        _serve(config, folder, first, listening, port, progress)
+    lines = [f"The studio is closed. Its sessions are in {folder.path / SESSIONS}."]
+    return StageReport(lines=lines, figures={"port": port})
+
+
+def _places(config: Config) -> tuple[Folder, str]:
+    """The folder, and the recording's name in it."""
+    archive = str(config.input).partition("!")[0] if config.input is not None else ""
+    folder = Folder(config.folder or (Path(archive).resolve().parent if archive else Path()))
+    if config.input is None:
+        return folder, ""
+    given = Path(archive).resolve()
+    if not given.is_relative_to(folder.path):
+        raise UsageError(f"{config.input} is not in {folder.path}.", "Name a --folder that holds it.")
+    name = given.relative_to(folder.path).as_posix() + str(config.input)[len(archive) :]
+    folder.recording(name)
+    return folder, name
+
+
+def _listening(port: int) -> socket.socket:
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind((ADDRESS, port))
+    except OSError as error:
+        found.close()
+        raise PumpsError(f"Port {port} cannot be used: {error.strerror}.", "Give another --port, or none.") from None
+    return found
+
+
+def _serve(
+    config: Config, folder: Folder, first: str, listening: socket.socket, port: int, progress: Progress
+) -> None:
+    import uvicorn
+
+    from stages.studio.app import guarded_app
+    from stages.studio.bench import Bench
+    from stages.studio.guard import new_token
+
+    token = new_token()
+    bench = Bench(folder, config.weights, config.device)
+    bench.warm()
+    settings: dict[str, Any] = {
+        "log_level": "warning", "access_log": False, "server_header": False, "lifespan": "off", "ws": "none",
+        "proxy_headers": False, "timeout_graceful_shutdown": 1, "limit_concurrency": 64,
+    }  # fmt: skip
+    server = uvicorn.Server(uvicorn.Config(guarded_app(bench, token, port, first), **settings))
+    address = f"http://{ADDRESS}:{port}/{token}/"
+    progress.message(f"The studio is open at {address}\nInterrupt it (Ctrl-C) to close it; nothing is lost.")
+    if config.browser:
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    try:
+        server.run(sockets=[listening])
+    except KeyboardInterrupt:
+        pass  # uvicorn raises the interrupt again when it has closed
+    finally:
+        bench.close()

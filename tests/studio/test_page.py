@@ -1,0 +1,157 @@
+"""The page in a browser: open, set keys, fill, compare, undo, save, compare bytes; by keyboard and on a phone.
+
+It runs where Playwright and Chromium are there. STUDIO_PICTURES=1 writes the pictures of docs/studio.md again.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("starlette")
+playwright = pytest.importorskip("playwright.sync_api")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+if CHROMIUM is None:
+    pytest.skip("no Chromium is installed", allow_module_level=True)
+
+ROOT = Path(__file__).resolve().parents[2]
+CLIPS = ROOT / "stages" / "shared" / "clips"
+PICTURES = ROOT / "docs" / "pictures"
+TAGS = "<img src=x onerror=alert(1)>.bvh"
+_FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"]
+_ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+@contextmanager
+def studio(folder: Path) -> Iterator[str]:
+    """The command as a user types it; its address."""
+    words = [sys.executable, "-m", "pumps_cli", "studio", str(folder / "walk.bvh"), "--no-browser", "--device", "cpu"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=_ENVIRONMENT)
+    try:
+        assert process.stderr is not None
+        told = process.stderr.readline()
+        found = re.search(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", told)
+        assert found, told
+        yield found[0]
+    finally:
+        process.kill()
+        process.wait()
+
+
+def until(page: Any, condition: str, seconds: float = 120.0) -> None:
+    """Wait for a condition of the page. Its policy forbids what Playwright's own waiting does (eval)."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(f"() => Boolean({condition})"):
+        assert time.monotonic() < end, f"{condition}: {page.inner_text('#status')}"
+        time.sleep(0.03)
+
+
+def picture(page: Any, name: str) -> None:
+    """A picture of the walk, for docs/studio.md."""
+    page.wait_for_timeout(300)
+    taken = page.screenshot()
+    assert len(taken) > 10_000
+    if os.environ.get("STUDIO_PICTURES"):
+        (PICTURES / f"studio-{name}.png").write_bytes(taken)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=CHROMIUM, args=_FLAGS)
+        yield opened
+        opened.close()
+
+
+def test_a_walk_through_the_page(browser: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "motions"
+    folder.mkdir()
+    shutil.copy(CLIPS / "walk.bvh", folder)
+    shutil.copy(CLIPS / "kick.bvh", folder / TAGS)
+    wrong: list[str] = []
+    asked: list[str] = []
+    with studio(folder) as address:
+        page = browser.new_page(viewport={"width": 1280, "height": 760}, reduced_motion="reduce")
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(address)
+        until(page, "window.studio?.begun && studio.motions.size && [...studio.motions.values()][0].there > 151")
+        picture(page, "open")
+        # By keyboard alone: a gap of two seconds from frame 30 to 90, filled.
+        for _ in range(3):
+            page.keyboard.press("Shift+ArrowRight")
+        page.keyboard.press("[")
+        for _ in range(6):
+            page.keyboard.press("Shift+ArrowRight")
+        page.keyboard.press("]")
+        assert page.evaluate("studio.range") == [30, 90]
+        page.click("#key-none")
+        until(page, "studio.session.state.settings.constraints.keyframes.startsWith('0,15,30,90,')")
+        page.keyboard.press("k")  # a key at 90 is there already: it goes
+        until(page, "studio.session.undo === 'Removed a key'")
+        page.keyboard.press("Control+z")
+        until(page, "studio.session.state.settings.constraints.keyframes.includes(',90,') && studio.session.redo")
+        page.keyboard.press("f")
+        until(page, "studio.session.state.results.length === 1 && studio.shown.a !== 'm1'")
+        made = page.evaluate("studio.session.state.results[0]")
+        assert page.evaluate("[studio.shown.a, studio.shown.b]") == [made, "m1"]
+        # A key dragged on the timeline, and a second fill beside the first.
+        box = page.locator("#timeline").bounding_box()
+        at = {frame: box["x"] + page.evaluate(f"studio.timeline.x({frame})") for frame in (105, 110)}
+        page.mouse.move(at[105], box["y"] + 28)
+        page.mouse.down()
+        page.mouse.move(at[110], box["y"] + 28, steps=4)
+        page.mouse.up()
+        until(page, "studio.session.state.settings.constraints.keyframes.includes(',110,')")
+        page.keyboard.press("Control+z")
+        until(page, "studio.session.state.settings.constraints.keyframes.includes(',105,')")
+        page.select_option("#compare", "slider")
+        page.evaluate("studio.timeline.listen.seek(60)")
+        picture(page, "compare")
+        page.keyboard.press("c")
+        assert page.evaluate("document.getElementById('compare').value") == "beside"
+        # What is seen is in the picture: A and B differ in the gap.
+        apart = "Math.max(...studio.motions.get(studio.shown.a).distances(studio.motions.get('m1')))"
+        assert page.evaluate(apart) > 1
+        # Saved, and made again by the commands that the page shows.
+        page.keyboard.press("Control+s")
+        page.fill("#name", "filled.bvh")
+        page.click("#save-now")
+        until(page, "document.getElementById('saved').textContent.startsWith('Saved')")
+        picture(page, "save")
+        commands = page.inner_text("#commands").splitlines()
+        page.click("#save-close")
+        # A reload, a dark phone: nothing is lost, and nothing is wider than the screen.
+        page.reload()
+        until(page, f"window.studio?.begun && studio.session.state.results[0] === '{made}'")
+        page.emulate_media(color_scheme="dark")
+        page.set_viewport_size({"width": 390, "height": 844})
+        until(page, "document.documentElement.dataset.theme === 'dark'")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        picture(page, "phone")
+        # A file whose name has tags is text everywhere; it begins a session of its own.
+        page.keyboard.press("o")
+        page.click(f"#files button:has-text('{TAGS}')")
+        until(page, "studio.session.motions[studio.session.state.motion].name.includes('<img')")
+        assert TAGS in page.inner_text("#file") and not page.query_selector("img")
+        page.close()
+    saved = (folder / "filled.bvh").read_bytes()
+    (folder / "filled.bvh").unlink()
+    assert commands == ["pumps infill walk.bvh --constraints filled.json -o filled.bvh"]
+    words = [sys.executable, "-m", "pumps_cli", *shlex.split(commands[0])[1:], "--device", "cpu", "--quiet"]
+    subprocess.run(words, cwd=folder, check=True, env=_ENVIRONMENT)
+    assert (folder / "filled.bvh").read_bytes() == saved
+    assert not wrong
+    assert {url.partition("/")[2].strip("/").partition("/")[0] for url in asked if "127.0.0.1" not in url} == set()

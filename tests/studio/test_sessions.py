@@ -1,0 +1,147 @@
+"""Sessions: opened, changed, undone, filled, edited, saved; and what is on the disk after a kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("starlette")
+pytest.importorskip("httpx2")
+
+from data_schemas.errors import InputError
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.shared.kinematics.forward_numpy import positions_of
+from stages.studio.session import FillSettings, Sessions
+from tests.studio.bench_in_folder import CLIPS, TOKEN, Page, bench_in
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with bench_in(tmp_path_factory.mktemp("sessions") / "folder", "kick", "jump") as bench:
+        yield Page(bench, "kick.bvh")
+
+
+def test_a_file_is_opened_with_keys_and_its_points(page: Page) -> None:
+    session = page.ask("open", "POST", {"file": "kick.bvh"})
+    motion = session["state"]["motion"]
+    assert session["state"]["settings"]["constraints"]["keyframes"].startswith("0,15,30")
+    where = f"sessions/{session['id']}/motions/{motion}"
+    about = page.ask(where)
+    raw = page.client.get(f"/{TOKEN}/api/{where}/points").content
+    points = np.frombuffer(raw, "<i2").reshape(about["frames"], about["nodes"], 3) * about["scale"] + about["origin"]
+    skeleton, read, _ = motion_of(read_bvh((CLIPS / "kick.bvh").read_bytes(), "kick"))
+    true = positions_of(skeleton, read)[:, skeleton.root]
+    assert np.abs(points[:, about["root"]] - true).max() <= 0.51 * about["scale"] < 1e-3
+    assert set(about["ends"]) == {"left_hand", "right_hand", "left_foot", "right_foot", "head"}
+    assert page.ask("start")["first"] == "kick.bvh" and "kick.bvh" in page.ask("files")
+
+
+def test_changes_are_undone_and_redone(page: Page) -> None:
+    session = page.ask("open", "POST", {"file": "kick.bvh"})
+    first = session["state"]["settings"]
+    changed = page.settings(session, keyframes="0,40")
+    assert changed["undo"] == "Changed"
+    undone = page.post(changed, "history", move="undo")
+    assert undone["state"]["settings"] == first and undone["redo"] == "Changed"
+    redone = page.post(undone, "history", move="redo")
+    assert redone["state"]["settings"]["constraints"]["keyframes"] == "0,40"
+    assert "nothing to redo" in page.post(redone, "history", 400, move="redo")["error"]
+
+
+def test_two_pages_do_not_mix(page: Page) -> None:
+    """Each page has a session of its own; of two pages with one session, the one that is out of date is told so."""
+    one, two = (page.ask("open", "POST", {"file": name}) for name in ("kick.bvh", "jump.bvh"))
+    page.settings(one, keyframes="0,9")
+    assert page.session(two)["state"] == two["state"]
+    page.settings(one, 409, keyframes="0,12")
+    assert page.session(one)["state"]["settings"]["constraints"]["keyframes"] == "0,9"
+    own = f"sessions/{two['id']}/motions/m99"
+    assert "no such motion" in page.ask(own, status=404)["error"]
+
+
+def test_bad_constraints_and_files_are_sentences(page: Page) -> None:
+    session = page.ask("open", "POST", {"file": "kick.bvh"})
+    page.settings(session, 400, keyframes=3)
+    answer = page.client.post(f"/{TOKEN}/api/upload?name=x.bvh", content=b"HIERARCHY\nROOT")
+    assert answer.status_code == 404 and "x.bvh" not in os.listdir(page.bench.folder.path)
+    known = page.ask("sessions")
+    assert page.client.post(f"/{TOKEN}/api/upload?name=x.txt", content=b"no motion").status_code == 404
+    assert page.ask("sessions") == known, "a file that cannot be read begins no session"
+
+
+def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(page: Page) -> None:
+    folder = page.bench.folder.path
+    session = page.ask("open", "POST", {"file": "kick.bvh"})
+    job = page.wait(page.post(session, "edit", verb="trim", options={"frames": "3:40"}))
+    assert job["state"] == "done", job
+    session = page.session(session)
+    assert session["state"]["settings"]["constraints"]["keyframes"] == "12,27"  # 15 and 30 of the whole clip
+    session = page.settings(session, keyframes="0,20,36", pins=[{"end": "right_hand", "frames": "5-8"}])
+    job = page.wait(page.post(session, "fill", samples=2))
+    assert job["state"] == "done" and len(job["made"]["motions"]) == 2, job
+    session = page.session(session)
+    assert session["state"]["results"] == job["made"]["motions"]
+    made = page.post(session, "save", motion=session["state"]["results"][1], name="saved.bvh")
+    assert made["files"] == ["saved.bvh", "saved.json", "saved.sh"]
+    assert made["commands"] == [
+        "pumps edit trim kick.bvh --frames=3:40 -o saved.step2.bvh",
+        "pumps infill saved.step2.bvh --constraints saved.json --seed=1 -o saved.bvh",
+    ]
+    saved = (folder / "saved.bvh").read_bytes()
+    (folder / "saved.bvh").unlink()
+    for line in made["commands"]:
+        words = [sys.executable, "-m", "pumps_cli", *shlex.split(line)[1:], "--quiet"]
+        subprocess.run(words, cwd=folder, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert (folder / "saved.bvh").read_bytes() == saved
+    gone = page.post(session, "discard", motion=session["state"]["results"][0])
+    assert gone["state"]["results"] == job["made"]["motions"][1:]
+    on = page.post(gone, "choose", motion=job["made"]["motions"][1])
+    assert on["state"]["motion"] == job["made"]["motions"][1] and not on["state"]["results"]
+    assert page.post(on, "history", move="undo")["state"] == gone["state"]
+
+
+def test_a_fill_is_cancelled_and_the_next_one_works(page: Page) -> None:
+    session = page.settings(page.ask("open", "POST", {"file": "jump.bvh"}), keyframes="0,20")
+    long, waiting = (page.post(session, "fill", samples=8) for _ in range(2))
+    for job in (waiting, long):
+        page.ask(f"sessions/{session['id']}/jobs/{job['id']}", "DELETE")
+        assert page.wait(job)["state"] == "cancelled"
+    session = page.session(session)
+    kept = page.bench.sessions.folder(session["id"])
+    left = {path.stem for path in kept.glob("m*.*")}
+    assert left == set(session["motions"]), "nothing is left of what was cancelled"
+    bad = page.settings(session, keyframes="0,1")
+    assert "nothing to fill" in page.wait(page.post(bad, "fill", samples=1))["error"]
+
+
+def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
+    """All that was answered is on the disk: another server's page goes on."""
+    with bench_in(tmp_path / "folder", "kick") as bench:
+        page = Page(bench)
+        session = page.settings(page.ask("open", "POST", {"file": "kick.bvh"}), keyframes="0,7,30")
+        again = Sessions(bench.folder.sessions()).load(session["id"])  # without the first one's memory
+        assert again.model_dump(mode="json")["history"][-1] == session["state"]
+        assert [each["id"] for each in Page(bench).ask("sessions")] == [session["id"]]
+        broken = bench.sessions.folder(session["id"]) / "session.json"
+        broken.write_text(json.dumps({**json.loads(broken.read_text()), "cursor": 99}))
+        with pytest.raises(InputError, match="damaged"):
+            Sessions(bench.folder.sessions()).load(session["id"])
+
+
+def test_undone_work_is_removed_when_something_else_is_done(tmp_path: Path) -> None:
+    sessions = Sessions(tmp_path)
+    session = sessions.create(FillSettings(weights="small-free", seed=0))
+    assert sessions.load(session.id) == session
+    with pytest.raises(InputError, match="no such session"):
+        sessions.folder("../" + session.id)
