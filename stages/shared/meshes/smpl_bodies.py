@@ -113,11 +113,17 @@ def load_smpl(folder: Path, layout: str, gender: str) -> SmplModel:
     correctives = numbers["posedirs"].reshape(-1, numbers["posedirs"].shape[-1]).T
     parents = numbers["kintree_table"][0].astype(np.int64)
     parents[0] = -1  # files have the greatest unsigned number
-    floats = (numbers[name].astype(np.float32) for name in ("J_regressor", "weights"))
     return SmplModel(
-        path, numbers["v_template"].astype(np.float32), directions, correctives.astype(np.float32), *floats, parents,
-        numbers["f"].astype(np.int64), lbs,
-    )  # fmt: skip
+        path=path,
+        template=numbers["v_template"].astype(np.float32),
+        shape_directions=directions,
+        pose_directions=correctives.astype(np.float32),
+        regressor=numbers["J_regressor"].astype(np.float32),
+        weights=numbers["weights"].astype(np.float32),
+        parents=parents,
+        faces=numbers["f"].astype(np.int64),
+        _lbs=lbs,
+    )
 
 
 def _fault(arrays: dict[str, np.ndarray]) -> str | None:
