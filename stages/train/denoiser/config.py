@@ -32,7 +32,6 @@ class Config(TrainingConfig):
     )
     start: Literal["mended", "noisy"] = Field(
         "mended",
-        json_schema_extra=OFTEN,
         description="The motion whose latents are corrected: the noisy one after mending, or the noisy one itself.",
     )
     latent_weight: float = Field(
