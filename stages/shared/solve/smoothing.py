@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.fft import dct, idct
-from scipy.linalg.lapack import dpbsv
+from scipy.linalg import get_lapack_funcs
 from torch import Tensor
 
 from stages.shared.kinematics.rotations import turns_between
 from stages.shared.solve.bending import SecondDerivative
 
 PINNED = 1e9  # weight of a value that must not move, against 1 for the others
+_PBSV = get_lapack_funcs(("pbsv",), dtype=np.float64)[0]
 SPANS = (0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 
 
@@ -58,7 +59,7 @@ def solve_bands(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
 
     Raises: LinAlgError if A is not positive.
     """
-    _, found, fault = dpbsv(bands, right, lower=1)
+    _, found, fault = _PBSV(bands, right, lower=1)
     if fault:
         raise np.linalg.LinAlgError(f"The matrix is not positive at row {fault}.")
     return found
