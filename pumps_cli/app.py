@@ -24,6 +24,7 @@ _TOOLS = {
     "artefact": ("pumps_cli.commands.artefact", "Show artefacts, check their files, show their inputs, join parts."),
     "config": ("pumps_cli.commands.config", "List and show presets; write the settings of a run."),
     "formats": ("pumps_cli.commands.formats", "List the file formats that pumps reads, and what to know about each."),
+    "run": ("pumps_cli.commands.run", "Make a run where there is no make: ingest, train, fill, measure, report."),
     "results": ("pumps_cli.commands.results", "Print the tables of a metrics artefact."),
     "stages": ("pumps_cli.commands.stages", "List the stages in order, with what each reads and writes."),
 }

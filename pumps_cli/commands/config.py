@@ -22,6 +22,23 @@ app = typer.Typer(cls=HelpGroup, no_args_is_help=True, epilog="Example: pumps co
 
 _Presets = Annotated[list[str], typer.Option("--preset", metavar="NAME", help="A preset; a later one wins.")]
 
+# The options of a run, which `pumps run` has too.
+RunPresets = Annotated[
+    list[str] | None,
+    typer.Option("--preset", metavar="NAME", help="A preset; a later one wins. By default the recipe's."),
+]
+RunSettings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="A setting that wins over presets.")
+]
+RunSources = Annotated[
+    list[str] | None,
+    typer.Option("--source", metavar="PATH", help="What the run ingests: files, folders, globs, archives."),
+]
+RunParameters = Annotated[
+    list[str] | None, typer.Option("--with", metavar="NAME=WORDS", help="A parameter of the recipe.")
+]
+RunData = Annotated[Path, typer.Option("--data", metavar="FOLDER", help="Where the recipe's archives lie.")]
+
 
 @app.command("list", cls=HelpCommand, epilog="Example: pumps config list")
 def list_presets(quiet: Quiet = False, as_json: AsJson = False) -> None:
@@ -69,23 +86,15 @@ def list_recipes(quiet: Quiet = False, as_json: AsJson = False) -> None:
 )
 def write(
     run: Annotated[Path, typer.Option(metavar="FOLDER", help="The run's folder.")],
-    preset: Annotated[
-        list[str] | None,
-        typer.Option("--preset", metavar="NAME", help="A preset; a later one wins. By default the recipe's."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="STAGE.FIELD=VALUE", help="A setting that wins over presets.")
-    ] = None,
-    source: Annotated[
-        list[str] | None, typer.Option(metavar="PATH", help="What the run ingests: files, folders, globs, archives.")
-    ] = None,
+    preset: RunPresets = None,
+    settings: RunSettings = None,
+    source: RunSources = None,
     recipe: Annotated[
-        str, typer.Option(metavar="NAME", help="A recipe of `pumps config recipes`, instead of the pipeline.")
+        str,
+        typer.Option(metavar="NAME", help="A recipe of `pumps config recipes`, or a TOML file of one."),
     ] = "",
-    parameters: Annotated[
-        list[str] | None, typer.Option("--with", metavar="NAME=WORDS", help="A parameter of the recipe.")
-    ] = None,
-    data: Annotated[Path, typer.Option(metavar="FOLDER", help="Where the recipe's archives lie.")] = Path("."),
+    parameters: RunParameters = None,
+    data: RunData = Path("."),
     quiet: Quiet = False,
     as_json: AsJson = False,
     debug: Debug = False,

@@ -29,7 +29,7 @@ PANELS = {
     ),
     "Data": ("data", "ingest", "artefact"),
     "Meshes": ("skin", "simulate-cloth", "predict-mesh", "complete-mesh", "export-mesh"),
-    "Train": ("sample-tpc", "encode", "train", "weights", "config"),
+    "Train": ("sample-tpc", "encode", "train", "weights", "config", "run"),
     "Research": ("evaluate", "measure", "body-parts", "stream", "decode", "project", "results", "stages"),
 }
 

@@ -261,6 +261,7 @@ WRITINGS = (
     Writing("skinned", "skin", f"{CLIPS}/kick.bvh --bodies {{made}}/boxes -o {{out}}"),
     Writing("merged", "artefact merge", "{made}/part-1 {made}/part-2 -o {out}"),
     Writing("written", "config write", "--run {out} --preset tiny --source {made}/motion", asks=False),
+    Writing("planned", "run", "--run {out} --preset tiny --source {made}/motion --dry-run", asks=False),
     Writing("page.md", "formats", "--page {out}", asks=False),
 )  # fmt: skip
 FIRST_FORMS = tuple({writing.command: writing for writing in reversed(WRITINGS)}.values())

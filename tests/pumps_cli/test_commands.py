@@ -53,7 +53,7 @@ def test_every_help_says_what_it_does_and_gives_an_example(pumps, stage: Stage):
 
 def test_help_names_every_command(pumps):
     shown = pumps("--help").out
-    for word in {stage.command[0] for stage in STAGES} | {"artefact", "config", "results", "stages"}:
+    for word in {stage.command[0] for stage in STAGES} | {"artefact", "config", "results", "run", "stages"}:
         assert word in shown
 
 

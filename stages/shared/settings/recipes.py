@@ -166,9 +166,13 @@ def recipe_names() -> list[str]:
 
 
 def recipe_path(name: str) -> Path:
-    """The file of a recipe. Raises UsageError when there is none of this name."""
+    """The file of a recipe, by its name or path. Raises UsageError when there is none."""
+    if name.endswith(".toml") and Path(name).is_file():
+        return Path(name)
     if name not in recipe_names():
-        raise UsageError(f"There is no recipe {name!r}.", f"Take one of {', '.join(recipe_names())}.")
+        raise UsageError(
+            f"There is no recipe {name!r}.", f"Take one of {', '.join(recipe_names())}, or a file NAME.toml."
+        )
     return _folder() / f"{name}.toml"
 
 
@@ -176,6 +180,7 @@ def read_recipe(name: str, given: Sequence[str] = (), data_folder: str = "") -> 
     """A recipe with its texts filled in; without a name, the pipeline.
 
     Args:
+        name:        of a recipe that ships with pumps, or a TOML file of one.
         given:       "NAME=WORDS" each, parameters of the recipe.
         data_folder: where its archives lie.
 
@@ -185,7 +190,7 @@ def read_recipe(name: str, given: Sequence[str] = (), data_folder: str = "") -> 
     words = _parameters(name, {"weights": ""} if text is None else text.parameters, given)
     if text is None:
         return pipeline(words)
-    words |= {"recipe": (name,), "data": (data_folder,), "clips": (embedded_clips(),)}
+    words |= {"recipe": (recipe_path(name).stem,), "data": (data_folder,), "clips": (embedded_clips(),)}
     words = {key: tuple(w for each in value for w in filled(each, words)) for key, value in words.items()}
     rounds, ends = _rounds(words)
     words |= ends

@@ -19,14 +19,8 @@ from stages.shared.settings.layers import COMMAND_LINE, Layer, settle_file_part
 from stages.shared.settings.presets import preset_layers
 from stages.shared.settings.recipe_data import archives_there, recipe_sources
 from stages.shared.settings.recipes import DataNeeded, Node, Recipe, embedded_clips, read_recipe
-from stages.shared.settings.run_makefile import (
-    CONFIG_FOLDER,
-    MAKEFILE,
-    config_name,
-    makefile_text,
-    outside_inputs,
-    source_list_name,
-)  # fmt: skip
+from stages.shared.settings.run_makefile import MAKEFILE, makefile_text
+from stages.shared.settings.run_steps import CONFIG_FOLDER, config_name, outside_inputs, source_list_name
 from stages.shared.toml import parse_value, toml_text
 
 _DIGEST_CACHE = ".digests.json"
