@@ -18,7 +18,6 @@ from data_schemas.version import PUMPS_VERSION as __version__
 from pumps.files import load, load_clips, read_clips, save, write_clips
 from pumps.filling import infill, infill_samples, retarget
 from pumps.motion import Motion
-from stages.shared.memory import keep_freed_memory
 from stages.shared.threads import let_waiting_threads_sleep
 
 __all__ = [
@@ -37,5 +36,4 @@ __all__ = [
     "write_clips",
 ]
 
-keep_freed_memory()
 let_waiting_threads_sleep()
