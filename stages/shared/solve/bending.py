@@ -9,6 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
+
+_PBSV = get_lapack_funcs(("pbsv",), dtype=np.float64)[0]
 
 
 class SecondDerivative(NamedTuple):
@@ -49,3 +52,16 @@ class SecondDerivative(NamedTuple):
         out[1:-1] += self.middle[:, None] * values
         out[2:] += self.right[:, None] * values
         return out
+
+
+def solve_bands(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(N, F) float64 x with A x = `right` (N, F), A symmetric and positive, its diagonal and lower bands (U, N).
+
+    LAPACK's function as SciPy's solveh_banded calls it, whose checks take longer than the solve of a short clip.
+
+    Raises: LinAlgError if A is not positive.
+    """
+    _, found, fault = _PBSV(bands, right, lower=1)
+    if fault:
+        raise np.linalg.LinAlgError(f"The matrix is not positive at row {fault}.")
+    return found

@@ -20,8 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from stages.shared.kinematics.rotations import from_turn_vectors, multiply, rotate
-from stages.shared.solve.bending import SecondDerivative
-from stages.shared.solve.smoothing import solve_bands
+from stages.shared.solve.bending import SecondDerivative, solve_bands
 
 PINNED = 1e9  # precision of turns that must stay zero
 # Of a limb's length: the farthest place, and the length before it over which places move in.

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.fft import dct, idct
-from scipy.linalg import get_lapack_funcs
 from torch import Tensor
 
 from stages.shared.kinematics.rotations import turns_between
-from stages.shared.solve.bending import SecondDerivative
+from stages.shared.solve.bending import SecondDerivative, solve_bands
 
 PINNED = 1e9  # weight of a value that must not move, against 1 for the others
-_PBSV = get_lapack_funcs(("pbsv",), dtype=np.float64)[0]
 SPANS = (0.2, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 
 
@@ -50,19 +48,6 @@ def smooth_corrections(
     bands[0] += weight
     wanted = weight[:, None] * values - derivative.transposed(stiff[:, None] * bends[1:-1])
     return np.where(pinned[:, None], 0.0, solve_bands(bands, wanted))
-
-
-def solve_bands(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(N, F) float64 x with A x = `right` (N, F), A symmetric and positive, its diagonal and lower bands (U, N).
-
-    LAPACK's function as SciPy's solveh_banded calls it, whose checks take longer than the solve of a short clip.
-
-    Raises: LinAlgError if A is not positive.
-    """
-    _, found, fault = _PBSV(bands, right, lower=1)
-    if fault:
-        raise np.linalg.LinAlgError(f"The matrix is not positive at row {fault}.")
-    return found
 
 
 def bends_of_rotations(rotations: Tensor, times: np.ndarray) -> np.ndarray:

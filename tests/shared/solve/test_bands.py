@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import solveh_banded
 
 from stages.shared.kinematics.rotations import rotate
+from stages.shared.solve.bending import solve_bands
 from stages.shared.solve.limb_solve import _slopes
-from stages.shared.solve.smoothing import solve_bands
 
 
 @pytest.mark.parametrize(("bands", "columns"), [(3, (3,)), (9, ()), (1, (2,))])
