@@ -21,15 +21,14 @@
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
 # make solve-report   how well skeletons follow true, noisy, larger and smaller clouds; SOLVE_CLIPS=40
 # make solve-pages    truth, slerp, solve and networks side by side in 3D: runs/solve/solve.html; SOLVE_NETWORKS=NAME=FOLDER
-# make held-out    weights on whole archives that they were not trained on; HELD_OUT_WEIGHTS=small HELD_OUT_WINDOWS=40
-# make unseen-rigs    test clips on rigs that weights were not trained on; RIGS='rigs.zip a.bvh'
+# make held-out | unseen-rigs  weights on whole archives, or on rigs (RIGS='rigs.zip a.bvh'), that they were not trained on;
+#                  HELD_OUT_WEIGHTS=small HELD_OUT_WINDOWS=40
 # make weights-report  measures the weights that ship, and writes docs/results.md; HELD_OUT_WINDOWS=10 is faster
 # make pretrain    weights from the archives: RECIPE=small|small-free SLICE=9 (minutes; 0 to the end); the same command goes
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
 # make lifter      trains the network that `pumps estimate` uses by default, on free archives; SLICE=9, INITIAL=
-# make gallery     twelve clips on six rigs, filled: runs/gallery/gallery.html and docs/pictures; GALLERY_WEIGHTS=small
-# make first-picture  the picture of the README's first example, of the weights PICTURED='small-free small'
+# make gallery | first-picture  twelve clips on six rigs, filled (GALLERY_WEIGHTS=small); the README's picture, PICTURED='small-free small'
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
