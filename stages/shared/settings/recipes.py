@@ -3,8 +3,8 @@
 A text in a recipe may hold {NAME}, which stands for a word: a parameter of the recipe (`--with NAME=WORDS`), a key of
 its rows (`[[each]]`), or one of `recipe` (its name), `data` (the folder of archives) and `clips` (the folder of the
 clips that come with pumps). In rows it may stand for all of these except keys of rows. A node whose name holds a key
-of the rows is made once for each row. A text that is one {NAME} alone stands for all of its words; a text whose word is
-missing is left out.
+of the rows is made once for each row. A text that is one {NAME} alone stands for all of its words; a text whose word
+is missing is left out.
 """
 
 from __future__ import annotations
