@@ -29,7 +29,7 @@ from stages.shared.solve.binding import Binding, carry_points
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.solving import Corrections, SolveOptions, solve_pose
 
-_FAST = 1.2  # times 30 frames a second: faster motion is corrected at 30 and the corrections are interpolated
+_FAST = 1.2  # times 30 frames a second: a mended motion that is faster gets corrections at 30, interpolated
 
 
 @dataclass(frozen=True)

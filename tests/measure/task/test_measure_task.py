@@ -58,7 +58,10 @@ def test_networks_are_measured_beside_the_base(folder: Path):
 
 
 def test_several_trainings_of_one_name_are_a_curve(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    minutes = {"trackers": 0.5, "again": 2.0}  # what the checkpoints say is less than the least that is stored
+    minutes = {
+        "trackers": 0.5,
+        "again": 2.0,
+    }  # the trainings were too short for a tenth of a minute, the least that is stored
 
     def timed(path: Path, *others):
         return replace(load_pose_model(path, *others), minutes=minutes[path.name])

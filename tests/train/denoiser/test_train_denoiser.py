@@ -135,6 +135,7 @@ def test_one_batch_is_learnt(folder: Path):
 def test_a_killed_run_resumes_to_the_same_weights(folder: Path):
     whole = run(config(folder, output=folder / "whole", checkpoint_every=1))
     part = run(config(folder, output=folder / "part", checkpoint_every=1, max_time=1e-9))
+    assert not part.figures["finished"]
     while not part.figures["finished"]:
         part = run(config(folder, output=folder / "part", checkpoint_every=1))
     one, two = (read_checkpoint(each.output).weights for each in (whole, part))
