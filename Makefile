@@ -10,8 +10,7 @@
 # make table4      PUMPS Table 4: noisy motion cleaned, by filters, priors, networks and the synthesiser; TABLE4_STEPS=300 TABLE4_WINDOWS=20
 # make table-trackers  head and two hands in, motion out; TRACKERS_STEPS=300. GOAL=curve of it, table3, table4: error against CURVE_MINUTES=8
 # make spectral-tables | spectral-pages  SpecTrHuMS' tables on bodies and cloth, and what its networks predict, as pages and
-#                  film strips: SPECTRAL_STEPS=400 PRESET=spectral-small SPECTRAL_CLOTHS=64 SPECTRAL_WINDOWS=60
-#                  SPECTRAL_IDENTITIES=8 (docs/meshes.md)
+#                  film strips: SPECTRAL_STEPS=400 PRESET=spectral-small SPECTRAL_CLOTHS=64 SPECTRAL_WINDOWS=60 SPECTRAL_IDENTITIES=8 (docs/meshes.md)
 # make body-parts-table1 | body-parts-table2 | body-parts-table3   autoencoders of body parts: sixteen bodies, seen and unseen data,
 #                  noise; BODY_PARTS_STEPS=6000 each, BODY_PARTS_WINDOWS=200 of each data set; make -j2 trains two at a time
 # make concepts-tables   motion concepts: generated motions refined, beside real ones; CONCEPTS_SET=hdm05|bandai-namco-1|bandai-namco-2

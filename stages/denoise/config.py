@@ -26,14 +26,14 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
     )
     weights: Path | None = Field(
         None,
-        description="A network that is run after mend: of the rig, from `pumps train finetune --task repair` or "
-        "denoise; for --method latent of all rigs, from `pumps train denoiser`.",
+        description="A network that is run after mend: one of the rig, from `pumps train finetune --task repair` or "
+        "denoise; with --method latent one of all rigs, from `pumps train denoiser`.",
     )
     fill: str = Field(
         default_factory=default_weights,
         json_schema_extra={NAMES_OF: "weights"},
         description="Weights that fill stretches of over 0.3 s in which no frame is usable; none interpolates them. "
-        "For --method latent also those whose autoencoder the denoiser was trained with.",
+        "--method latent also takes their autoencoder, with which the denoiser must have been trained.",
     )
     strength: float = Field(
         1.0, description="0 changes nothing, 1 takes the result as it is. Missing frames are filled in any case.",

@@ -14,8 +14,7 @@ from stages.denoise.summary import figures_of, lines_of
 from stages.shared.contract import StageReport
 from stages.shared.formats.writers import SUFFIXES
 from stages.shared.inference.denoising import MENDING, Denoised, DenoiseOptions, denoise_motion
-from stages.shared.inference.kept_models import kept_models
-from stages.shared.inference.latent_denoiser import load_denoiser
+from stages.shared.inference.kept_models import kept_denoiser, kept_models
 from stages.shared.inference.latent_denoising import LatentOptions, denoised_by_latents
 from stages.shared.inference.pose_denoising import check_rig, refined
 from stages.shared.inference.pose_model import load_pose_model
@@ -89,8 +88,7 @@ def _refining(config: Config, skeleton: Skeleton) -> Callable[[Motion, Motion], 
     if config.weights is None:
         return None
     if config.method == LATENT:
-        models = kept_models(config.fill, config.device)
-        denoiser = load_denoiser(config.weights, models.autoencoder)
+        denoiser = kept_denoiser(config.weights, config.fill, config.device)
         options = LatentOptions(seed=config.seed)
         return lambda noisy, mended: denoised_by_latents(denoiser, skeleton, noisy, mended, options)
     model = load_pose_model(config.weights, ("repair", "denoise"), config.device)

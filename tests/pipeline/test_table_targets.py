@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from pathlib import Path
 from zipfile import ZipFile
@@ -53,6 +54,12 @@ ROWS = [name for name in read_recipe("table2").nodes if name.startswith("rows/")
 
 def test_the_table_has_the_papers_rows_and_ours():
     assert len(ROWS) == len(PAPER) + 1
+
+
+@pytest.mark.parametrize("name", recipe_names())
+def test_settings_hold_no_names_that_stand_for_words(name: str):
+    for node in read_recipe(name, data_folder="data").nodes.values():
+        assert not re.search(r"\{[a-z-]+\}", repr(node.settings)), node.name
 
 
 def test_every_row_is_trained_once_and_all_are_measured_together(table: Table):

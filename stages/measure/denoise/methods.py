@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -33,32 +34,41 @@ from stages.shared.statistics.metrics import mpjpe_mm
 
 NOISY, MEND = "noisy", "mend"
 TRUE_LATENTS, TRUE_CLOUDS = "true latents", "true clouds"
-Cleaner = Callable[[BodyPose], BodyPose]
-"""Noisy windows (B, T) of the rig's body at 30 frames a second in, clean ones out, both in the world."""
+
+
+@dataclass(frozen=True)
+class NoisyWindows:
+    """Windows (B, T) of the rig's body at 30 frames a second, in the world: with noise, the same after `mend_poses`,
+    and the truth, which only `oracle_cleaner` reads."""
+
+    noisy: BodyPose
+    mended: BodyPose
+    truth: BodyPose
+
+    @classmethod
+    def of(cls, rig: Rig, noisy: BodyPose, truth: BodyPose) -> NoisyWindows:
+        found = [mend_poses(turns, root) for root, turns in zip(*_local(rig, noisy), strict=True)]
+        mended = pose_of_local([(each.positions, each.local) for each in found], rig.body.parents)
+        return cls(noisy, mended, truth)
+
+
+Cleaner = Callable[[NoisyWindows], BodyPose]
+"""Noisy windows in, clean ones (B, T) out, in the world."""
+
+
+def filtered(rig: Rig, noisy: BodyPose, chosen: Filter, width: float) -> BodyPose:
+    """A plain filter of the root and of the local rotations."""
+    roots, local = _local(rig, noisy)
+    made = [
+        (chosen(root, MODEL_FPS, width), filter_rotations(turns, MODEL_FPS, chosen, width))
+        for root, turns in zip(roots, local, strict=True)
+    ]
+    return pose_of_local(made, rig.body.parents)
 
 
 def filter_cleaner(rig: Rig, chosen: Filter, width: float) -> Cleaner:
-    """A plain filter of the root and of the local rotations."""
-
-    def clean(noisy: BodyPose) -> BodyPose:
-        roots, local = _local(rig, noisy)
-        made = [
-            (chosen(root, MODEL_FPS, width), filter_rotations(turns, MODEL_FPS, chosen, width))
-            for root, turns in zip(roots, local, strict=True)
-        ]
-        return pose_of_local(made, rig.body.parents)
-
-    return clean
-
-
-def mending_cleaner(rig: Rig) -> Cleaner:
-    """`mend_poses`, which `pumps denoise` runs without weights."""
-
-    def clean(noisy: BodyPose) -> BodyPose:
-        found = [mend_poses(turns, root) for root, turns in zip(*_local(rig, noisy), strict=True)]
-        return pose_of_local([(each.positions, each.local) for each in found], rig.body.parents)
-
-    return clean
+    """`filtered`, for a width."""
+    return lambda seen: filtered(rig, seen.noisy, chosen, width)
 
 
 def network_cleaner(model: PoseModel) -> Cleaner:
@@ -76,7 +86,8 @@ def network_cleaner(model: PoseModel) -> Cleaner:
 
         return blended(noisy.roots.shape[1], max(model.window, 2), of_window)
 
-    def clean(noisy: BodyPose) -> BodyPose:
+    def clean(seen: NoisyWindows) -> BodyPose:
+        noisy = seen.noisy
         made = [one(BodyPose(noisy.roots[i : i + 1], noisy.rotations[i : i + 1])) for i in range(len(noisy.roots))]
         return BodyPose.joined(made)
 
@@ -86,21 +97,20 @@ def network_cleaner(model: PoseModel) -> Cleaner:
 def latent_cleaner(rig: Rig, denoiser: LatentDenoiser) -> Cleaner:
     """`pumps denoise --method latent`."""
 
-    def clean(noisy: BodyPose) -> BodyPose:
-        made = [denoised_by_latents(denoiser, rig.skeleton, *each) for each in _noisy_and_mended(rig, noisy)]
-        return _bodies(rig, made)
+    def clean(seen: NoisyWindows) -> BodyPose:
+        starts = zip(_motions(rig, seen.noisy), _motions(rig, seen.mended), strict=True)
+        return _bodies(rig, [denoised_by_latents(denoiser, rig.skeleton, *each) for each in starts])
 
     return clean
 
 
-def oracle_cleaner(rig: Rig, models: Models, kind: str) -> Callable[[BodyPose, BodyPose], BodyPose]:
-    """The same of noisy windows and their truth, with the true latents or the true clouds instead of the denoiser's:
-    what the autoencoder and the solve lose, or the solve alone."""
+def oracle_cleaner(rig: Rig, models: Models, kind: str) -> Cleaner:
+    """`pumps denoise --method latent` with the true latents or the true clouds instead of the denoiser's: the result
+    has the errors of the autoencoder and the solve, or of the solve alone."""
 
-    def clean(noisy: BodyPose, truth: BodyPose) -> BodyPose:
+    def clean(seen: NoisyWindows) -> BodyPose:
         made = []
-        starts = _noisy_and_mended(rig, noisy)
-        for (_, mended), true in zip(starts, _motions(rig, truth), strict=True):
+        for mended, true in zip(_motions(rig, seen.mended), _motions(rig, seen.truth), strict=True):
             pose = SkeletonPose.of_motion(rig.skeleton, mended)
             scene = scene_of(pose, np.arange(float(mended.frames)), mended.fps)
             clouds = (
@@ -120,11 +130,6 @@ def _motions(rig: Rig, pose: BodyPose) -> list[Motion]:
     return [rig.motion(roots, turns, MODEL_FPS) for roots, turns in zip(pose.roots, pose.rotations, strict=True)]
 
 
-def _noisy_and_mended(rig: Rig, noisy: BodyPose) -> list[tuple[Motion, Motion]]:
-    mended = mending_cleaner(rig)(noisy)
-    return [*zip(_motions(rig, noisy), _motions(rig, mended), strict=True)]
-
-
 def _bodies(rig: Rig, motions: Sequence[Motion]) -> BodyPose:
     return BodyPose.joined([body_of(rig.skeleton, each, rig.body.joints) for each in motions])
 
@@ -132,8 +137,8 @@ def _bodies(rig: Rig, motions: Sequence[Motion]) -> BodyPose:
 def prior_cleaner(rig: Rig, prior: Interpolator) -> Cleaner:
     """A prior of poses or motion, lowered by gradient descent that starts from the noisy motion."""
 
-    def clean(noisy: BodyPose) -> BodyPose:
-        heads, rotations = prior.denoise(noisy.heads(rig.body), noisy.rotations)
+    def clean(seen: NoisyWindows) -> BodyPose:
+        heads, rotations = prior.denoise(seen.noisy.heads(rig.body), seen.noisy.rotations)
         return BodyPose(heads[:, :, 0], rotations)
 
     return clean
@@ -146,8 +151,7 @@ def best_widths(
     found = {}
     for name in names:
         errors = [
-            float(mean_errors(rig, filter_cleaner(rig, FILTERS[name], width)(noisy), clean).mean())
-            for width in widths
+            float(mean_errors(rig, filtered(rig, noisy, FILTERS[name], width), clean).mean()) for width in widths
         ]
         found[name] = widths[int(np.argmin(errors))]
     return found

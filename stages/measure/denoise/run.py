@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +20,10 @@ from stages.measure.denoise.methods import (
     TRUE_CLOUDS,
     TRUE_LATENTS,
     Cleaner,
+    NoisyWindows,
     best_widths,
     filter_cleaner,
     latent_cleaner,
-    mending_cleaner,
     network_cleaner,
     oracle_cleaner,
     prior_cleaner,
@@ -64,22 +63,19 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             raise UsageError(f"There is no filter {name!r}.", f"Take of {', '.join(FILTERS)}.")
     models, denoisers, priors = _loaded(config)
     rig = _rig(config, models)
-    oracles = _oracles(rig, config)
     with TpcReader(config.tpc) as reader:
         own = sets_of_rig(reader, rig)
         measured = (config.category, config.window, config.max_windows, config.tpc)
         windows = [*windows_by_category(reader.clips, own, config.splits, *measured)]
         widths = _tuned(reader, rig, own, config)
-        methods = _methods(rig, models, denoisers, priors, widths)
-        names = [*methods, *oracles]
-        progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(names))
+        methods = {**_methods(rig, models, denoisers, priors, widths), **_oracles(rig, config)}
+        progress.start("cleaning", sum(len(starts) for *_, starts in windows) * len(methods))
         rows = []
         for category, clip, starts in windows:
             clean = clean_windows(reader, clip, starts, config.window)
-            noisy = _noisy(rig, clean, clip, starts, config)
-            for name in names:
-                made = methods[name](noisy) if name in methods else oracles[name](noisy, clean)
-                figures = _figures(rig, made, clean)
+            seen = NoisyWindows.of(rig, _noisy(rig, clean, clip, starts, config), clean)
+            for name, cleaner in methods.items():
+                figures = _figures(rig, cleaner(seen), clean)
                 place = (clip.clip, clip.skeleton, category, name, DENOISING, config.window)
                 for metric, value in zip(METRICS, figures, strict=True):
                     rows.append(MetricRow(*place, metric, value, windows=len(starts)))
@@ -87,13 +83,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         inputs = [reader.artefact, *(open_artefact(_source(text), "checkpoint") for text in config.weights)]
     with write_artefact(config.output, "metrics", stage="measure-denoise", config=config, inputs=inputs) as draft:
         count = sum(len(starts) for *_, starts in windows)
-        draft.summary.update(windows=count, methods=names, widths=dict(widths))
+        draft.summary.update(windows=count, methods=[*methods], widths=dict(widths))
         trained = {**models, **denoisers, **priors}
         write_metrics(draft.folder, rows, summary_md(config, rows, trained, widths))
     return StageReport(
         output=config.output,
         lines=[*terminal_lines(rows, config.seed), f"Full tables: {config.output}, summary.md."],
-        figures={"windows": count, "methods": names, "widths": dict(widths)},
+        figures={"windows": count, "methods": [*methods], "widths": dict(widths)},
     )
 
 
@@ -128,7 +124,7 @@ def _loaded(
     return models, denoisers, priors
 
 
-def _oracles(rig: Rig, config: Config) -> dict[str, Callable[[BodyPose, BodyPose], BodyPose]]:
+def _oracles(rig: Rig, config: Config) -> dict[str, Cleaner]:
     """With `breakdown`, what cleans windows by knowing the truth."""
     if not config.breakdown:
         return {}
@@ -160,9 +156,9 @@ def _methods(
     for name, prior in priors.items():
         prior.check_hierarchy(rig.body.parents, rig.body.groups.numpy(), f"the rig that {name} is measured on")
     return {
-        NOISY: lambda noisy: noisy,
+        NOISY: lambda seen: seen.noisy,
         **{name: filter_cleaner(rig, FILTERS[name], width) for name, width in widths.items()},
-        MEND: mending_cleaner(rig),
+        MEND: lambda seen: seen.mended,
         **{name: prior_cleaner(rig, prior) for name, prior in priors.items()},
         **{name: latent_cleaner(rig, denoiser) for name, denoiser in denoisers.items()},
         **{name: network_cleaner(model) for name, model in models.items()},

@@ -15,7 +15,7 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     tpc: Path = Field(description="The tpc artefact with clips of the networks' rig.")
     weights: tuple[str, ...] = Field(
         description="NAME=FOLDER of a checkpoint of `pumps train finetune`, all of one task; each is a row of the "
-        "table. Several of one NAME, trained for other times, are a curve of error against minutes of training.",
+        "table. Several of one NAME, trained for different times, are a curve of error against minutes of training.",
         min_length=1,
     )
     output: Path = Field(description="Folder of the metrics artefact.")

@@ -36,7 +36,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         where no held-out clip of the rig is long enough.
     """
     check_artefact(config, "metrics")
-    models = _models(config)
+    models, names = _models(config)
     task = _one_task(models)
     with TpcReader(config.tpc) as reader:
         measured = (config.category, config.window, config.max_windows, config.tpc)
@@ -54,7 +54,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             for name, each in found.items():
                 place = (clip.clip, clip.skeleton, category, name, POSE_TASK, config.window)
                 rows += [MetricRow(*place, m, _mean(each, m), windows=len(starts)) for m in each[0]]
-    page = Measured(rows, task.name, task.corruption, models)
+    page = Measured(rows, task.name, task.corruption, models, names)
     with write_artefact(config.output, "metrics", stage="measure-task", config=config, inputs=inputs) as draft:
         count = sum(len(starts) for *_, starts in windows)
         draft.summary.update(windows=count, task=task.name, methods=[BASE, *models])
@@ -84,18 +84,20 @@ def _folder(text: str) -> Path:
     return task_weights(named_source(text)[1])
 
 
-def _models(config: Config) -> dict[str, PoseModel]:
-    """The networks by their rows' names; where a name has several, minutes of training follow it."""
+def _models(config: Config) -> tuple[dict[str, PoseModel], dict[str, str]]:
+    """The networks by their rows, and the NAME that --weights gives each row; where a NAME has several networks, its
+    rows also say their minutes of training."""
     named = [named_source(text) for text in config.weights]
     models: dict[str, PoseModel] = {}
+    names: dict[str, str] = {}
     for name, source in named:
         model = load_pose_model(task_weights(source), None, config.device)
         several = sum(other == name for other, _ in named) > 1
         row = f"{name}, {model.minutes:g} min" if several else name
         if row in models or row == BASE:
             raise UsageError(f"Two rows are called {row!r}.", f"Give another name: --weights NAME={source}.")
-        models[row] = model
-    return models
+        models[row], names[row] = model, name
+    return models, names
 
 
 def _one_task(models: Mapping[str, PoseModel]) -> PoseTask:

@@ -29,12 +29,14 @@ _DECIMALS = 2
 
 @dataclass(frozen=True)
 class Measured:
-    """Rows of all methods, the task that they did, and the networks by the names of their rows."""
+    """Rows of all methods, the task that they did, the networks by the names of their rows, and the NAME that
+    --weights gives each row."""
 
     rows: Sequence[MetricRow]
     task: str
     corruption: str
     models: Mapping[str, PoseModel]
+    names: Mapping[str, str]
 
     @property
     def metrics(self) -> list[str]:
@@ -80,10 +82,9 @@ def terminal_lines(page: Measured, seed: int) -> list[str]:
 def curve_of(page: Measured) -> Markup | str:
     """The first measure against minutes of training, a line for each name with several trainings; "" without any."""
     lines: dict[str, list[tuple[float, float]]] = {}
-    for name, model in page.models.items():
-        curve, comma, minutes = name.rpartition(", ")
-        if comma and minutes == f"{model.minutes:g} min" and model.minutes > 0:
-            lines.setdefault(curve, []).append((model.minutes, _mean_of(page, name)))
+    for row, model in page.models.items():
+        if model.minutes > 0:  # which a logarithmic axis needs
+            lines.setdefault(page.names[row], []).append((model.minutes, _mean_of(page, row)))
     lines = {name: sorted(points) for name, points in lines.items() if len(points) > 1}
     if not lines:
         return ""

@@ -17,8 +17,15 @@ from data_schemas.skeleton import Motion
 from stages.shared.inference.cloud_interfaces import CloudAutoencoder, CloudModels, Clouds, Drawing, Pair, Scene
 from stages.shared.inference.clouds import place_on_pose
 from stages.shared.inference.confidence import Confidence
-from stages.shared.inference.decoded_clouds import View, decoded_clouds, drawn_views, encoded_in_view, followed_points
-from stages.shared.inference.models import reach_of, touching
+from stages.shared.inference.decoded_clouds import (
+    View,
+    corrected_in_windows,
+    decoded_clouds,
+    drawn_views,
+    encoded_in_view,
+    followed_points,
+)
+from stages.shared.inference.models import Span
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.solve.binding import bind_points
@@ -46,17 +53,10 @@ class SynthesisedClouds:
             span for span in self.models.spans(is_key) if not scene.tokens.is_key[span.start : span.stop].all()
         ]
 
-        def latents_of(number: int, first: int, last: int, better: bool) -> tuple[Pair, Pair]:
-            some = touching(windows, first, last) if better else []
-            low, high = reach_of(some, first, last)
-            plain = encoded_in_view(coder, scene.base, *seen[number], low, high)
-            made = plain
-            if some:
-                own = [span.moved(-low) for span in some]
-                made = self.models.synthesise(*plain, is_key[low:high], times[low:high], plain, own)
-            inner = slice(first - low, last - low)
-            return (made[0][inner], made[1][inner]), (plain[0][inner], plain[1][inner])
+        def corrected(plain: Pair, rows: slice, own: list[Span]) -> Pair:
+            return self.models.synthesise(*plain, is_key[rows], times[rows], plain, own)
 
+        latents_of = corrected_in_windows(coder, scene, seen, windows, corrected)
         return decoded_clouds(coder, scene, drawing, [view for view, _ in seen], latents_of)
 
 

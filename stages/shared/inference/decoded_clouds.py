@@ -85,6 +85,31 @@ def encoded_in_view(
     return view.encode(coder, pose.rows(slice(first, last)), drawn, pose.skeleton)
 
 
+def corrected_in_windows(
+    coder: CloudAutoencoder,
+    scene: Scene,
+    seen: Sequence[tuple[View, DrawnPoints]],
+    windows: Sequence[Span],
+    corrected: Callable[[Pair, slice, list[Span]], Pair],
+) -> LatentsOf:
+    """The latents of the scene's base in each view, and a network's corrections of them.
+
+    Args:
+        seen: `drawn_views`. windows: in which the network corrects the clip.
+        corrected: latents and centroids of some tokens, these tokens, and windows in them -> those corrected.
+    """
+
+    def latents_of(number: int, first: int, last: int, better: bool) -> tuple[Pair, Pair]:
+        some = touching(windows, first, last) if better else []
+        low, high = reach_of(some, first, last)
+        plain = encoded_in_view(coder, scene.base, *seen[number], low, high)
+        made = corrected(plain, slice(low, high), [span.moved(-low) for span in some]) if some else plain
+        inner = slice(first - low, last - low)
+        return (made[0][inner], made[1][inner]), (plain[0][inner], plain[1][inner])
+
+    return latents_of
+
+
 def decoded_clouds(
     coder: CloudAutoencoder, scene: Scene, drawing: Drawing, views: Sequence[View], latents_of: LatentsOf
 ) -> Clouds:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 
 from data_schemas.artefact import open_artefact
-from stages.shared.inference.models import Models, load_weights
+from stages.shared.inference.latent_denoiser import LatentDenoiser, load_denoiser
+from stages.shared.inference.models import Autoencoder, Models, load_weights
 from stages.shared.weights.shipped import parts_of, weights_folder
 
 
@@ -17,6 +19,21 @@ def kept_models(weights: str, device: str) -> Models:
     parts = parts_of(weights_folder(weights))
     digests = tuple(open_artefact(part, "checkpoint").manifest.digest for part in parts)
     return _loaded(weights, device, digests)
+
+
+def kept_denoiser(path: Path, weights: str, device: str) -> LatentDenoiser:
+    """A denoiser beside the autoencoder of these weights, as `load_denoiser`; loaded again where files have changed.
+
+    Raises: InputError as `kept_models` and `load_denoiser`.
+    """
+    digest = open_artefact(path, "checkpoint").manifest.digest
+    return _denoiser(path, digest, kept_models(weights, device).autoencoder)
+
+
+@lru_cache(maxsize=2)
+def _denoiser(path: Path, digest: str, autoencoder: Autoencoder) -> LatentDenoiser:
+    """`digest` is that of the checkpoint's files."""
+    return load_denoiser(path, autoencoder)
 
 
 @lru_cache(maxsize=2)

@@ -13,9 +13,15 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import open_artefact
 from data_schemas.trainings import last_sentence
-from stages.shared.inference.bounded_network import MOST_WINDOW, build_bounded, whole_setting
-from stages.shared.inference.models import Autoencoder, Span, batches_of, load_state, overlapping_windows, rows_of
-from stages.shared.networks.layers.sizes import SynthesiserSizes
+from stages.shared.inference.bounded_network import MOST_WINDOW, whole_setting
+from stages.shared.inference.models import (
+    Autoencoder,
+    Span,
+    blended_windows,
+    load_synthesiser,
+    rows_of,
+    whole_windows,
+)
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
 
 STARTS = ("mended", "noisy")
@@ -42,8 +48,7 @@ class LatentDenoiser:
 
     def spans(self, frames: int) -> list[Span]:
         """The windows in which a clip of this many frames is corrected, in order."""
-        windows = overlapping_windows(frames, self.window)
-        return [Span(start, stop, start, stop, fade) for start, stop, fade in windows]
+        return whole_windows(frames, self.window)
 
     def corrected(
         self, latents: Tensor, centroids: Tensor, times: Tensor, spans: Sequence[Span]
@@ -53,24 +58,14 @@ class LatentDenoiser:
         Args:
             latents: (T, D). centroids: (T, 3) metres. times: (T,) model frames, rising. spans: in these frames.
         """
-        out = torch.zeros_like(latents), torch.zeros_like(centroids)
-        weights = torch.zeros(len(times), 1, device=self.device)
         times = times.to(self.device, torch.float32)
-        with torch.inference_mode():
-            for some in batches_of(spans):
-                read = [rows_of(part, some) for part in (latents, centroids, times)]
-                given = torch.ones(read[2].shape, dtype=torch.bool, device=self.device)
-                made = self.network.refine(read[0], read[1], given, read[2])
-                for number, span in enumerate(some):
-                    fade = span.fade.to(self.device).unsqueeze(1)
-                    for whole, part in zip(out, made, strict=True):
-                        whole[span.start : span.stop] += fade * part[number]
-                    weights[span.start : span.stop] += fade
-        seen = weights > 0
-        return (
-            torch.where(seen, out[0] / weights.clamp_min(1e-9), latents),
-            torch.where(seen, out[1] / weights.clamp_min(1e-9), centroids),
-        )
+
+        def made(some: list[Span]) -> tuple[Tensor, Tensor]:
+            read = [rows_of(part, some) for part in (latents, centroids, times)]
+            given = torch.ones(read[2].shape, dtype=torch.bool, device=self.device)
+            return self.network.refine(read[0], read[1], given, read[2])
+
+        return blended_windows(spans, (latents, centroids), made)
 
 
 def load_denoiser(path: str | Path, autoencoder: Autoencoder) -> LatentDenoiser:
@@ -90,15 +85,8 @@ def load_denoiser(path: str | Path, autoencoder: Autoencoder) -> LatentDenoiser:
             f"The denoiser in {path} was trained with another autoencoder than that of the weights given.",
             "Give --fill the weights that it was trained --from.",
         )
-    network = build_bounded(
-        lambda: LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**config["synthesiser"])),
-        config.get("synthesiser"),
-        kept.weights,
-        path,
-    )
-    load_state(network, kept.weights, path)
     return LatentDenoiser(
-        network.to(autoencoder.device).eval(),
+        load_synthesiser(kept, autoencoder, path),
         autoencoder,
         whole_setting(config, "window", MOST_WINDOW, path),
         config["start"],

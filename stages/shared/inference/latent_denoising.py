@@ -19,18 +19,17 @@ from torch import Tensor
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.inference.cloud_interfaces import Clouds, CloudSource, Drawing, Pair, Scene
 from stages.shared.inference.clouds import CHUNK_TOKENS, place_on_pose
-from stages.shared.inference.decoded_clouds import decoded_clouds, drawn_views, encoded_in_view, followed_points
+from stages.shared.inference.decoded_clouds import corrected_in_windows, decoded_clouds, drawn_views, followed_points
 from stages.shared.inference.latent_denoiser import LatentDenoiser
-from stages.shared.inference.models import reach_of, touching
+from stages.shared.inference.models import Span
 from stages.shared.inference.token_times import Tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.plain_interpolation import interpolate_values
-from stages.shared.kinematics.rotations import matrices
-from stages.shared.solve.binding import Binding
+from stages.shared.solve.binding import Binding, carry_points
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.solving import Corrections, SolveOptions, solve_pose
 
-_FAST = 1.2  # times 30 frames a second: faster motion is corrected at 30 and the corrections are interpolated
+_FAST = 1.2  # times 30 frames a second: a mended motion that is faster gets corrections at 30, interpolated
 
 
 @dataclass(frozen=True)
@@ -112,11 +111,7 @@ def corrections_by(source: CloudSource, scene: Scene, options: LatentOptions) ->
 def _solved(scene: Scene, clouds: Clouds, first: int, last: int, options: SolveOptions) -> Corrections:
     points, reference = clouds.at(first, last, np.ones(last - first, bool))
     base, binding = scene.base.rows(slice(first, last)), clouds.binding
-    heads, rotations = base.world()
-    bound = heads[:, binding.joints] + (
-        matrices(rotations)[:, binding.joints] @ binding.in_bone.unsqueeze(-1)
-    ).squeeze(-1)
-    targets = points if reference is None else bound + (points - reference)
+    targets = points if reference is None else carry_points(binding, *base.world()) + (points - reference)
     return solve_pose(targets, binding, *base.parts, scene.skeleton.parents, scene.skeleton.root, options)
 
 
@@ -152,14 +147,9 @@ class DenoisedClouds:
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
         coder, times = self.denoiser.autoencoder, scene.times
         seen = drawn_views(coder, scene, drawing)
-        windows = self.denoiser.spans(len(times))
 
-        def latents_of(number: int, first: int, last: int, better: bool) -> tuple[Pair, Pair]:
-            some = touching(windows, first, last) if better else []
-            low, high = reach_of(some, first, last)
-            plain = encoded_in_view(coder, scene.base, *seen[number], low, high)
-            made = self.denoiser.corrected(*plain, times[low:high], [span.moved(-low) for span in some])
-            inner = slice(first - low, last - low)
-            return (made[0][inner], made[1][inner]), (plain[0][inner], plain[1][inner])
+        def corrected(plain: Pair, rows: slice, own: list[Span]) -> Pair:
+            return self.denoiser.corrected(*plain, times[rows], own)
 
+        latents_of = corrected_in_windows(coder, scene, seen, self.denoiser.spans(len(times)), corrected)
         return decoded_clouds(coder, scene, drawing, [view for view, _ in seen], latents_of)

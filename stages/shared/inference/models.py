@@ -3,7 +3,7 @@ device."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from data_schemas.checkpoint import read_checkpoint
+from data_schemas.checkpoint import Checkpoint, read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, open_artefact
 from data_schemas.trainings import last_sentence
@@ -62,8 +62,7 @@ class Autoencoder:
 
     def spans(self, frames: int) -> list[Span]:
         """The windows in which a clip of this many frames is decoded, in order."""
-        windows = overlapping_windows(frames, self.window)
-        return [Span(start, stop, start, stop, fade) for start, stop, fade in windows]
+        return whole_windows(frames, self.window)
 
     def decode(
         self,
@@ -177,25 +176,15 @@ class Models:
         latents, centroids, known, times = (part.to(device) for part in (latents, centroids, known, times))
         base = base if self.synthesiser.sizes.base == "skeleton" else None
         base = None if base is None else (base[0].to(device), base[1].to(device))
-        out = torch.zeros_like(latents), torch.zeros_like(centroids)
-        weights = torch.zeros(len(times), 1, device=device)
-        with torch.inference_mode():
-            for some in batches_of(self.spans(known) if spans is None else spans):
-                made = self.synthesiser(
-                    *(rows_of(part, some) for part in (latents, centroids, known, times.float())),
-                    None,
-                    None if base is None else (rows_of(base[0], some), rows_of(base[1], some)),
-                )
-                for number, span in enumerate(some):
-                    inner = slice(span.start - span.first, span.stop - span.first)
-                    fade = span.fade.to(device).unsqueeze(1)
-                    out[0][span.start : span.stop] += fade * made[0][number, inner]
-                    out[1][span.start : span.stop] += fade * made[1][number, inner]
-                    weights[span.start : span.stop] += fade
-            return (
-                torch.where(weights > 0, out[0] / weights, latents),
-                torch.where(weights > 0, out[1] / weights, centroids),
+
+        def made(some: list[Span]) -> tuple[Tensor, Tensor]:
+            return self.synthesiser(
+                *(rows_of(part, some) for part in (latents, centroids, known, times.float())),
+                None,
+                None if base is None else (rows_of(base[0], some), rows_of(base[1], some)),
             )
+
+        return blended_windows(self.spans(known) if spans is None else spans, (latents, centroids), made)
 
 
 class Span(NamedTuple):
@@ -244,6 +233,37 @@ def _length_of(span: Span) -> int:
 def rows_of(values: Tensor, spans: Sequence[Span]) -> Tensor:
     """What each window reads of a clip's values (T, ...): (windows, frames, ...)."""
     return torch.stack([values[span.first : span.last] for span in spans])
+
+
+def blended_windows(
+    spans: Sequence[Span], given: tuple[Tensor, Tensor], made: Callable[[list[Span]], tuple[Tensor, Tensor]]
+) -> tuple[Tensor, Tensor]:
+    """Latents and centroids of a clip, computed window by window and blended, without gradients.
+
+    Args:
+        given: latents (T, D) and centroids (T, 3), which frames without a window keep.
+        made: windows that read equally many frames -> their latents (windows, frames, D) and centroids.
+    """
+    out = torch.zeros_like(given[0]), torch.zeros_like(given[1])
+    weights = out[0].new_zeros(len(given[0]), 1)
+    with torch.inference_mode():
+        for some in batches_of(spans):
+            parts = made(some)
+            for number, span in enumerate(some):
+                inner = slice(span.start - span.first, span.stop - span.first)
+                fade = span.fade.to(weights.device).unsqueeze(1)
+                for whole, part in zip(out, parts, strict=True):
+                    whole[span.start : span.stop] += fade * part[number, inner]
+                weights[span.start : span.stop] += fade
+        return (
+            torch.where(weights > 0, out[0] / weights, given[0]),
+            torch.where(weights > 0, out[1] / weights, given[1]),
+        )
+
+
+def whole_windows(frames: int, window: int) -> list[Span]:
+    """The windows of `overlapping_windows`, each of which reads the frames that it writes."""
+    return [Span(start, stop, start, stop, fade) for start, stop, fade in overlapping_windows(frames, window)]
 
 
 def overlapping_windows(frames: int, window: int) -> Iterator[tuple[int, int, Tensor]]:
@@ -319,16 +339,9 @@ def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: 
             f"The synthesiser in {folder} was trained on another autoencoder than the one beside it.",
             "Train it again with `pumps train lms`.",
         )
-    synthesiser = build_bounded(
-        lambda: LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**kept.config["synthesiser"])),
-        kept.config.get("synthesiser"),
-        kept.weights,
-        lms,
-    )
-    load_state(synthesiser, kept.weights, folder)
     return Models(
         autoencoder,
-        synthesiser.to(autoencoder.device).eval(),
+        load_synthesiser(kept, autoencoder, lms),
         whole_setting(kept.config, "window", MOST_WINDOW, lms),
         whole_setting(kept.config, "longest_gap", MOST_WINDOW, lms, least=0),
         tuple(artefact.manifest.licences),
@@ -336,6 +349,21 @@ def load_weights(name_or_path: str | Path, device: str = "auto", *, confidence: 
         str(name_or_path),
         read_confidence(folder) if confidence else None,
     )
+
+
+def load_synthesiser(kept: Checkpoint, autoencoder: Autoencoder, path: str | Path) -> LatentSynthesiser:
+    """The synthesiser of a checkpoint, for the latents of an autoencoder and on its device.
+
+    Raises: InputError if its weights do not fit its sizes.
+    """
+    network = build_bounded(
+        lambda: LatentSynthesiser(autoencoder.encoder.latent_width, SynthesiserSizes(**kept.config["synthesiser"])),
+        kept.config.get("synthesiser"),
+        kept.weights,
+        path,
+    )
+    load_state(network, kept.weights, path)
+    return network.to(autoencoder.device).eval()
 
 
 def load_state(network: torch.nn.Module, weights: dict[str, np.ndarray], path: object) -> None:

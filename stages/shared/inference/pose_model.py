@@ -20,7 +20,7 @@ from stages.shared.networks.layers.device import choose_device
 from stages.shared.pointcloud.rig import Rig
 from stages.shared.pose_tasks.body_pose import BodyPose, outputs_of
 from stages.shared.pose_tasks.pose_network import NETWORKS, PoseNetwork
-from stages.shared.pose_tasks.registry import task_named
+from stages.shared.pose_tasks.registry import task_named, task_names
 from stages.shared.pose_tasks.task import PoseTask
 
 
@@ -57,7 +57,8 @@ class PoseModel:
 def load_pose_model(path: str | Path, tasks: str | tuple[str, ...] | None, device: str = "auto") -> PoseModel:
     """The network of a checkpoint that `pumps train finetune` wrote for a task, one of several, or any (None).
 
-    Raises: InputError if the checkpoint is of another kind or for another task.
+    Raises: InputError if the checkpoint is of another kind, for another task, or for one of a package that is not
+        installed.
     """
     artefact = open_artefact(path, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
@@ -67,9 +68,15 @@ def load_pose_model(path: str | Path, tasks: str | tuple[str, ...] | None, devic
     mend = f"Give the folder that `pumps train finetune{wanted}` wrote."
     if config.get("network") != "pose" or config.get("kind") not in NETWORKS:
         raise InputError(f"{path} holds no network that was fine-tuned for a task.", mend)
-    if tasks is not None and config.get("task") not in tasks:
-        raise InputError(f"{path} holds a network for the task {config.get('task')!r}, not {tasks[0]}.", mend)
-    made = task_named(config["task"], Rig.of_plain(config.get("rig")), str(config.get("corruption")))
+    task = config.get("task")
+    if tasks is not None and task not in tasks:
+        raise InputError(f"{path} holds a network for the task {task!r}, not {tasks[0]}.", mend)
+    if not isinstance(task, str) or task not in task_names():
+        raise InputError(
+            f"{path} holds a network for the task {task!r}, and there is no such task here.",
+            "Install the package that the task comes from.",
+        )
+    made = task_named(task, Rig.of_plain(config.get("rig")), str(config.get("corruption")))
     outputs = outputs_of(made.rig.body)
     network = build_bounded(
         lambda: PoseNetwork(config["kind"], made.features, outputs, config["settings"]),

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
-
-if TYPE_CHECKING:
-    from stages.shared.pointcloud.rig import Rig
-    from stages.shared.pose_tasks.task import PoseTask
+from stages.shared.pointcloud.rig import Rig
+from stages.shared.pose_tasks.task import PoseTask
 
 ENTRY_POINTS = "pumps.tasks"
 TASKS = {
@@ -27,7 +24,7 @@ TASKS = {
 
 def task_names() -> list[str]:
     """The names that `task_named` knows."""
-    return [*TASKS, *(each.name for each in entry_points(group=ENTRY_POINTS) if each.name not in TASKS)]
+    return [*_places()]
 
 
 def task_named(name: str, rig: Rig, corruption: str | None = None) -> PoseTask:
@@ -35,10 +32,14 @@ def task_named(name: str, rig: Rig, corruption: str | None = None) -> PoseTask:
 
     Raises: UsageError if there is no such task or corruption.
     """
-    place = TASKS.get(name)
-    for entry in entry_points(group=ENTRY_POINTS):
-        place = place or (entry.value if entry.name == name else None)
-    if place is None:
-        raise UsageError(f"There is no task {name!r}.", f"Take one of {', '.join(task_names())}.")
-    module, _, type_name = place.partition(":")
+    places = _places()
+    if name not in places:
+        raise UsageError(f"There is no task {name!r}.", f"Take one of {', '.join(places)}.")
+    module, _, type_name = places[name].partition(":")
     return getattr(import_module(module), type_name)(rig, corruption)
+
+
+def _places() -> dict[str, str]:
+    """Name -> "module:type". A package cannot replace a task of pumps."""
+    others = {each.name: each.value for each in entry_points(group=ENTRY_POINTS) if each.name not in TASKS}
+    return {**TASKS, **others}

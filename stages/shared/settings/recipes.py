@@ -2,8 +2,9 @@
 
 A text in a recipe may hold {NAME}, which stands for a word: a parameter of the recipe (`--with NAME=WORDS`), a key of
 its rows (`[[each]]`), or one of `recipe` (its name), `data` (the folder of archives) and `clips` (the folder of the
-clips that come with pumps). A node whose name holds a key of the rows is made once for each row. A text that is one
-{NAME} alone stands for all of its words; a text whose word is missing is left out.
+clips that come with pumps). In rows it may stand for all of these except keys of rows. A node whose name holds a key
+of the rows is made once for each row. A text that is one {NAME} alone stands for all of its words; a text whose word
+is missing is left out.
 """
 
 from __future__ import annotations
@@ -194,7 +195,7 @@ def read_recipe(name: str, given: Sequence[str] = (), data_folder: str = "") -> 
     words = {key: tuple(w for each in value for w in filled(each, words)) for key, value in words.items()}
     rounds, ends = _rounds(words)
     words |= ends
-    rows = [{key: (value,) if isinstance(value, str) else value for key, value in row.items()} for row in text.each]
+    rows = [{key: _all(_several(value), words) for key, value in row.items()} for row in text.each]
     nodes: dict[str, Node] = {}
     absent: set[str] = set()
     for key, node in text.nodes.items():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor
 from torch.nn import functional
@@ -13,6 +15,10 @@ from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 # Clouds encoded in one call: many for a GPU, on a CPU as many as fit in its caches.
 _FRAMES_AT_ONCE = {"cuda": 32768}
 _FRAMES_AT_ONCE_CPU = 4096
+
+_LEAST_M = 0.005  # clouds nearer than this to the truth have little gradient
+_LEAST_LATENT = 0.1
+_UNIT_M = 0.05  # unit of clouds' distances in the loss, which makes them about as large as the latents'
 
 
 class FrozenAutoencoder:
@@ -55,7 +61,25 @@ def mean_squares(clouds: Tensor, others: Tensor) -> Tensor:
     return (clouds - others).square().sum(-1).mean(-1)
 
 
-def mean_root(square: Tensor, least: float, wanted: Tensor) -> Tensor:
+def latent_errors(squares: Tensor, made: Tensor, latents: Tensor, wanted: Tensor) -> dict[str, Tensor]:
+    """Mean errors over the wanted frames, scalars: `cloud`, in metres, and `latent`.
+
+    Args:
+        squares: (B, T) mean squared distances of decoded clouds from the true ones.
+        made, latents: (B, T, D) latents of these clouds and of the true ones. wanted: (B, T) bool.
+    """
+    return {
+        "cloud": _mean_root(squares, _LEAST_M, wanted),
+        "latent": _mean_root((made - latents).square().mean(-1), _LEAST_LATENT, wanted),
+    }
+
+
+def latent_loss(errors: Mapping[str, Tensor], latent_weight: float) -> Tensor:
+    """The loss of `latent_errors`, a scalar."""
+    return errors["cloud"] / _UNIT_M + latent_weight * errors["latent"]
+
+
+def _mean_root(square: Tensor, least: float, wanted: Tensor) -> Tensor:
     """Mean over the wanted frames (B, T) of the roots of mean squares (B, T); below `least` its slope falls to
     zero."""
     root = (square + least**2).sqrt() - least

@@ -15,14 +15,13 @@ from stages.shared.kinematics.device import onto
 from stages.shared.networks.layers.attention import clear_linear
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
-from stages.shared.training.frozen_autoencoder import FrozenAutoencoder, mean_root, mean_squares
+from stages.shared.training.frozen_autoencoder import FrozenAutoencoder, latent_errors, latent_loss, mean_squares
 from stages.shared.training.task import Drawer, TrainingTask, step_generator
 from stages.shared.training.windows import WindowPool
 from stages.train.denoiser.config import Config
 from stages.train.denoiser.drawing import NoisyBatch, NoisyDrawer, held_back_batches
 from stages.train.denoiser.noisy_windows import NO_NOISE
 
-_LEAST_M, _UNIT_M, _LEAST_LATENT = 0.005, 0.05, 0.1  # as in `pumps train lms`
 _IDENTITIES = 14  # the purpose of the generators
 
 
@@ -50,24 +49,24 @@ class DenoiserTask(TrainingTask[LatentSynthesiser]):
 
     def loss(self, batch: NoisyBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         made, start = self._errors(batch)
-        value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
+        value = latent_loss(made, self.config.latent_weight)
         return value, {f"{name}_of_start": (made[name] / start[name].clamp_min(1e-6)).detach() for name in made}
 
     def validate(self) -> dict[str, float]:
         """For each noise the distance of the decoded clouds from those of the clean latents, mm, of the network's
         latents and of those that it starts from; `score` is the mean over noises of the former."""
         figures: dict[str, float] = {}
+        means = []
         for noise, batch in self.held_back.items():
             made, start = self._errors(batch)
-            figures[f"{noise}_mm"] = 1000 * float(made["cloud"].detach())
+            means.append(1000 * float(made["cloud"]))
+            figures[f"{noise}_mm"] = means[-1]
             if noise != NO_NOISE:
                 figures[f"{noise}_mm_of_start"] = 1000 * float(start["cloud"])
-        means = [value for name, value in figures.items() if name.endswith("_mm")]
         return {"score": sum(means) / len(means), **figures}
 
     def _errors(self, batch: NoisyBatch) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-        """Real frames' mean errors, scalars, of the network's latents and of those it starts from: `cloud`, metres,
-        and `latent`."""
+        """`latent_errors` of real frames: of the network's latents, and of those that it starts from."""
         valid, groups = onto(batch.valid, self.device), onto(batch.groups, self.device)
         clean, start = (self._encoded(onto(part, self.device), groups) for part in (batch.points, batch.start))
         rows = batch.rows or tuple(range(len(valid)))
@@ -79,14 +78,10 @@ class DenoiserTask(TrainingTask[LatentSynthesiser]):
                 truth, before = (self.frozen.decode(*each, groups, identities) for each in (clean, start))
             made = self.networks.refine(*start, valid, times, valid)
             after = self.frozen.decode(*made, groups, identities)
-        found = [
-            {
-                "cloud": mean_root(mean_squares(cloud, truth), _LEAST_M, valid),
-                "latent": mean_root((latents - clean[0]).square().mean(-1), _LEAST_LATENT, valid),
-            }
-            for cloud, latents in ((after, made[0]), (before, start[0]))
-        ]
-        return found[0], found[1]
+        return (
+            latent_errors(mean_squares(after, truth), made[0], clean[0], valid),
+            latent_errors(mean_squares(before, truth), start[0], clean[0], valid),
+        )
 
     def _encoded(self, points: Tensor, groups: Tensor) -> tuple[Tensor, Tensor]:
         """Latents (B, T, D) and centroids (B, T, 3) of clouds (B, T, P, 3)."""

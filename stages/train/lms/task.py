@@ -15,7 +15,7 @@ from torch import Tensor
 from stages.shared.inference.models import Autoencoder
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
-from stages.shared.training.frozen_autoencoder import mean_root, mean_squares
+from stages.shared.training.frozen_autoencoder import latent_errors, latent_loss, mean_squares
 from stages.shared.training.task import Drawer, TrainingTask
 from stages.shared.training.unfinished import Unfinished
 from stages.shared.training.windows import WindowPool
@@ -24,10 +24,6 @@ from stages.train.lms.drawing import EncodingDrawer, FillDrawer, held_back_batch
 from stages.train.lms.encoding import WindowEncoder
 from stages.train.lms.fill_batch import FillBatch, KeptBatch
 from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
-
-_LEAST_M = 0.005  # clouds nearer than this to the truth have little gradient
-_LEAST_LATENT = 0.1
-_UNIT_M = 0.05  # unit of clouds' distances in the loss, which makes them about as large as the latents'
 
 
 class SynthesiserTask(TrainingTask[LatentSynthesiser]):
@@ -86,17 +82,10 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
             base = batch.base_latents, batch.base_centroids
             made = self.networks(latents, batch.centroids, known, times, valid, base)
             clouds = self.frozen.decode(made[0], made[1], batch.groups, batch.identities)
-        errors = [
-            {
-                "cloud": mean_root(squares, _LEAST_M, missing),
-                "latent": mean_root((guess - latents).square().mean(-1), _LEAST_LATENT, missing),
-            }
-            for squares, guess in (
-                (mean_squares(clouds, batch.true_clouds), made[0]),
-                (batch.base_squares, batch.base_latents),
-            )
-        ]
-        return errors[0], errors[1]
+        return (
+            latent_errors(mean_squares(clouds, batch.true_clouds), made[0], latents, missing),
+            latent_errors(batch.base_squares, batch.base_latents, latents, missing),
+        )
 
     def loss(self, batch: FillBatch | KeptBatch, generator: torch.Generator) -> tuple[Tensor, dict[str, Tensor]]:
         """Root mean square errors of frames; with squares only long gaps would be learnt. The clouds' error is the
@@ -106,7 +95,7 @@ class SynthesiserTask(TrainingTask[LatentSynthesiser]):
     def loss_of(self, batch: LatentBatch) -> tuple[Tensor, dict[str, Tensor]]:
         """The loss of encoded windows."""
         made, base = self._errors(batch)
-        value = made["cloud"] / _UNIT_M + self.config.latent_weight * made["latent"]
+        value = latent_loss(made, self.config.latent_weight)
         return value, {f"{name}_of_base": made[name].detach() / base[name] for name in made}
 
     def validate(self) -> dict[str, float]:

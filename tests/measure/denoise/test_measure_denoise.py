@@ -15,7 +15,7 @@ from pumps_cli.app import main
 from stages.ingest.config import Config as IngestConfig
 from stages.ingest.run import run as ingest
 from stages.measure.denoise.config import Config
-from stages.measure.denoise.methods import MEND, NOISY, best_widths, filter_cleaner
+from stages.measure.denoise.methods import MEND, NOISY, best_widths, filtered
 from stages.measure.denoise.run import run
 from stages.measure.denoise.summary import METRICS
 from stages.sample_tpc.config import Config as SampleConfig
@@ -142,7 +142,7 @@ def test_the_width_is_the_one_with_the_least_error():
     generator = torch.Generator().manual_seed(0)
     roots = torch.cumsum(0.01 * torch.randn(1, 40, 3, generator=generator), dim=1)
     clean = BodyPose(roots, rig.body.rest_world.expand(1, 40, -1, 4))
-    made = filter_cleaner(rig, laplacian, 3.0)(clean)
+    made = filtered(rig, clean, laplacian, 3.0)
     # What the filter of width 3 makes of a motion is the truth for that motion with noise.
     assert best_widths(rig, ("laplacian",), (1.0, 3.0, 6.0), clean, made) == {"laplacian": 3.0}
 

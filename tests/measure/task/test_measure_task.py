@@ -9,13 +9,16 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
+from data_schemas.manifest import open_artefact
 from data_schemas.metrics import read_metrics
 from data_schemas.tpc import TpcReader
 from stages.measure.task import run as stage
 from stages.measure.task.config import Config
 from stages.measure.task.run import CURVE_PICTURE, run
 from stages.measure.task.summary import BASE
+from stages.shared.inference import pose_model
 from stages.shared.inference.held_out_tasks import made_of_batch, task_batch
 from stages.shared.inference.pose_model import load_pose_model
 from stages.shared.statistics.line_chart import line_chart
@@ -55,7 +58,10 @@ def test_networks_are_measured_beside_the_base(folder: Path):
 
 
 def test_several_trainings_of_one_name_are_a_curve(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    minutes = {"trackers": 0.5, "again": 2.0}  # what the checkpoints say is less than the least that is stored
+    minutes = {
+        "trackers": 0.5,
+        "again": 2.0,
+    }  # the trainings were too short for a tenth of a minute, the least that is stored
 
     def timed(path: Path, *others):
         return replace(load_pose_model(path, *others), minutes=minutes[path.name])
@@ -96,6 +102,15 @@ def test_what_does_not_belong_together_is_refused(folder: Path):
         run(config(folder, "a=trackers", "a=trackers"))
     with pytest.raises(InputError, match="900 frames"):
         run(config(folder, "a=trackers", window=900))
+
+
+@pytest.mark.parametrize("task", [None, ["trackers"], "a-task-of-no-package"])
+def test_a_checkpoint_of_no_known_task_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch, task: object):
+    kept = read_checkpoint(open_artefact(folder / "trackers", "checkpoint"), optimiser=False)
+    damaged = replace(kept, config={**kept.config, "task": task})
+    monkeypatch.setattr(pose_model, "read_checkpoint", lambda *others, **more: damaged)
+    with pytest.raises(InputError, match="no such task here"):
+        load_pose_model(folder / "trackers", None, "cpu")
 
 
 def test_a_chart_holds_every_point_between_its_ends():

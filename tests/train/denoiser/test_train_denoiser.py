@@ -17,6 +17,7 @@ from stages.denoise.run import run as denoise
 from stages.measure.denoise.config import Config as MeasureConfig
 from stages.measure.denoise.methods import MEND, TRUE_CLOUDS, TRUE_LATENTS
 from stages.measure.denoise.run import run as measure
+from stages.shared.inference.kept_models import kept_denoiser
 from stages.shared.inference.latent_denoiser import LatentDenoiser, load_denoiser
 from stages.shared.inference.latent_denoising import (
     LatentOptions,
@@ -133,11 +134,12 @@ def test_one_batch_is_learnt(folder: Path):
 
 
 def test_a_killed_run_resumes_to_the_same_weights(folder: Path):
-    whole = run(config(folder, output=folder / "whole", checkpoint_every=1))
+    run(config(folder, output=folder / "whole", checkpoint_every=1))
     part = run(config(folder, output=folder / "part", checkpoint_every=1, max_time=1e-9))
+    assert not part.figures["finished"]
     while not part.figures["finished"]:
         part = run(config(folder, output=folder / "part", checkpoint_every=1))
-    one, two = (read_checkpoint(each.output).weights for each in (whole, part))
+    one, two = (read_checkpoint(folder / name).weights for name in ("whole", "part"))
     assert all((one[name] == two[name]).all() for name in one)
 
 
@@ -150,9 +152,9 @@ def test_windows_of_a_long_clip_are_blended_as_one_by_one(folder: Path):
     total, weight = torch.zeros_like(latents), torch.zeros(frames, 1)
     for start, stop, fade in overlapping_windows(frames, denoiser.window):
         given = torch.ones(1, stop - start, dtype=torch.bool)
-        part = (each[None, start:stop] for each in (latents, centroids))
+        rows = slice(start, stop)
         with torch.no_grad():
-            one, _ = denoiser.network.refine(*part, given, times[None, start:stop])
+            one, _ = denoiser.network.refine(latents[None, rows], centroids[None, rows], given, times[None, rows])
         total[start:stop] += fade[:, None] * one[0]
         weight[start:stop] += fade[:, None]
     torch.testing.assert_close(made[0], total / weight, atol=1e-4, rtol=1e-4)
@@ -199,6 +201,11 @@ def test_denoise_and_measure_use_it(folder: Path):
     values = {row.method: row.value for row in rows_of if row.metric == "mpjpe_mm"}
     assert set(values) == {"noisy", MEND, "latent", TRUE_LATENTS, TRUE_CLOUDS} and "true latents" in page
     assert values[TRUE_CLOUDS] < 0.3 * values[MEND]
+
+
+def test_a_denoiser_is_loaded_once_for_many_files(folder: Path):
+    given = (folder / "denoiser", str(folder / "weights"), "cpu")
+    assert kept_denoiser(*given) is kept_denoiser(*given)
 
 
 def test_what_does_not_belong_together_is_refused(folder: Path):
