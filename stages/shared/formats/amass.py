@@ -73,7 +73,7 @@ class SmplParameters:
     """A recording as a body model's parameters.
 
     layout: of its joints, a key of LAYOUTS. vectors: (T, 3 J) rotation vectors in the parents' frames, radians.
-    trans: (T, 3) metres. fps: as stated, 30 where nothing is. betas: (B,) of the shape. gender: None if not stated.
+    trans: (T, 3) metres. fps: as stated, else 30. betas: (B,) of the shape. gender: None if not stated.
     up_axis: of its world, "y" or "z".
     """
 
