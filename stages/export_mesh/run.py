@@ -60,7 +60,7 @@ def _first_clips(config: Config, readers: list[MeshReader], most: int) -> tuple[
     held = [{row.clip for row in reader.clips} for reader in readers]
     names = [row.clip for row in readers[0].clips if all(row.clip in each for each in held)]
     if not names:
-        raise InputError(f"No clip of {config.input} is also in all artefacts of --beside.", "Give others to --beside.")
+        raise InputError(f"No clip of {config.input} is also in all artefacts of --beside.", "Give others.")
     return tuple(names[:most])
 
 

@@ -66,8 +66,8 @@ def skin_smpl(config: Config, progress: Progress) -> StageReport:
     assert config.body_models is not None
     if config.bodies is not None or config.where is not None or names_artefact(config.input):
         raise UsageError(
-            "--body-models puts files of SMPL's parameters on SMPL's bodies: give neither --bodies nor --where nor an "
-            "artefact.",
+            "--body-models puts files of SMPL's parameters on SMPL's bodies: give neither --bodies nor --where nor "
+            "an artefact.",
             "Give the .npz files, their folder or archive.",
         )
     sources = find_sources([str(config.input)], (".npz",))

@@ -204,7 +204,7 @@ def test_an_artefact_is_refined_clip_by_clip_with_its_page(weights: Path, tmp_pa
 def test_an_artefact_of_which_no_clip_is_refined_is_refused(weights: Path, tmp_path: Path):
     with write_artefact(tmp_path / "in", "motion", stage="test", config={}) as draft, MotionWriter(draft.folder):
         pass
-    with pytest.raises(UsageError, match="No clip of .* was refined. It holds none"):
+    with pytest.raises(UsageError, match=r"was refined\. It holds none"):
         run(Config(input=tmp_path / "in", output=tmp_path / "out", weights=weights, device="cpu"))
     assert not (tmp_path / "out").exists()
 

@@ -106,7 +106,7 @@ def test_bad_models_and_options_are_refused_with_one_sentence(folder: Path):
     write_model(path, weights=np.ones((5, JOINTS)))
     with pytest.raises(InputError, match="weights has the shape"):
         run(_config(folder))
-    write_model(path, v_template=np.float64(1))
+    write_model(path, v_template=np.array(1.0))
     with pytest.raises(InputError, match="no vertices or no joints"):
         run(_config(folder))
     write_model(path, J_regressor=np.zeros((0, 4 * JOINTS)))

@@ -81,8 +81,9 @@ def load_generator(path: Path, device: str) -> GeneratorModel:
 def generated_motions(
     model: GeneratorModel, action: str, count: int, frames: int | None, seed: int
 ) -> Iterator[Motion]:
-    """New motions of an action, on the model's rig, at its rate; the lowest joint of each comes to the ground. Only one
-    batch of them is in memory at a time.
+    """New motions of an action, on the model's rig, at its rate; the lowest joint of each comes to the ground.
+
+    Only one batch of motions is in memory at a time.
 
     Args:
         frames: of each; None for the usual length of the action.
