@@ -193,6 +193,11 @@ def _sha256_of_json(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
+def names_artefact(path: Path) -> bool:
+    """Whether `open_artefact` would take this path for an artefact's folder or its `manifest.json`."""
+    return (path / MANIFEST_NAME).is_file() or path.name == MANIFEST_NAME
+
+
 def open_artefact(path: str | os.PathLike[str], kind: str | None = None) -> Artefact:
     """Open the artefact in the folder `path` (its `manifest.json` may be named instead).
 

@@ -33,7 +33,7 @@ def drawn(
     Args:
         seen: (N, 3) metres, right, up and towards the viewer. faces: (F, 3).
         colour: red, green, blue from 0 to 1. size: width and height in pixels.
-        low: (2,) the place right and up of the picture's lower left corner.
+        low: (2,) metres right and up, of the picture's lower left corner. pixels_a_metre: the scale.
     """
     width, height = _FINER * size[0], _FINER * size[1]
     flat = (seen[:, :2] - low) * (_FINER * pixels_a_metre)

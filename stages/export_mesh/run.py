@@ -16,8 +16,9 @@ from stages.shared.contract import StageReport
 from stages.shared.meshes.skinned_glb import glb_of_body
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.categories import named
 
-_CLIPS = {".glb": 1, ".html": 4, ".svg": 1}  # that are written by default
+_CLIPS = {".glb": 1, ".html": 4, ".svg": 1}  # how many are written by default
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -31,10 +32,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     kind = config.output.suffix.lower()
     with ExitStack() as opened:
         readers = {config.name: opened.enter_context(MeshReader(config.input))}
-        for text in config.beside:
-            name, mark, path = text.partition("=")
-            if not mark or name in readers:
-                raise UsageError(f"--beside {text} is not NAME=MESHES, or its name is taken.")
+        for name, path in named("beside", config.beside, (config.name,)).items():
             readers[name] = opened.enter_context(MeshReader(path))
         names = config.clip or _first_clips(config, list(readers.values()), _CLIPS[kind])
         if kind == ".glb":
@@ -46,7 +44,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 data = page_of(played, faces, f"Meshes of {config.input.name}")
             else:
                 last = max(len(each.vertices) for each in played) - 1
-                frames = np.unique(np.linspace(0, last, config.poses).round().astype(int)).tolist()
+                frames = np.unique(np.linspace(0, last, config.poses).round().astype(int))
                 data = strip_of(played, faces, frames, config.start).encode("utf-8")
     write_output(config.output, data)
     size = len(data) / 1e6
@@ -62,7 +60,7 @@ def _first_clips(config: Config, readers: list[MeshReader], most: int) -> tuple[
     held = [{row.clip for row in reader.clips} for reader in readers]
     names = [row.clip for row in readers[0].clips if all(row.clip in each for each in held)]
     if not names:
-        raise InputError(f"No clip of {config.input} is in all of the other artefacts.", "Give others to --beside.")
+        raise InputError(f"No clip of {config.input} is also in all artefacts of --beside.", "Give others.")
     return tuple(names[:most])
 
 
@@ -80,7 +78,7 @@ def _glb(config: Config, reader: MeshReader, names: tuple[str, ...]) -> bytes:
     if len(names) != 1:
         raise UsageError("A GLB holds one clip.", "Give one --clip.")
     if config.beside:
-        raise UsageError("--beside is for pages.", "Leave it out, or write a page: -o meshes.html.")
+        raise UsageError("--beside is for pages and film strips.", "Leave it out, or write a page: -o meshes.html.")
     row = reader.row(names[0])
     if not reader.is_skinned(row.clip):
         raise InputError(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from data_schemas.errors import InputError
 from stages.export_mesh.page import Played
 from stages.export_mesh.raster import drawn, png_of, view_of
 from stages.shared.markup import Markup, joined, markup
@@ -16,13 +17,23 @@ _YAW, _PITCH = 0.6, 0.15  # as the page begins
 _HEIGHT, _WIDEST, _MARGIN_M, _HEAD, _LABEL = 190, 240, 0.03, 22, 18
 
 
-def strip_of(sequences: Sequence[Played], faces: dict[str, np.ndarray], frames: Sequence[int], start: int) -> Markup:
+def strip_of(sequences: Sequence[Played], faces: dict[str, np.ndarray], frames: np.ndarray, start: int) -> Markup:
     """The SVG text.
 
     Args:
         sequences: of one or several clips. faces: for the name of each artefact its triangles (F, 3).
-        frames: of each sequence, its last one again where it is shorter. start: the clip's frame that is their first.
+        frames: (P,) of the sequences; where one is shorter, its last frame is shown again.
+        start: the clip's frame that is the first of the sequences.
+
+    Raises: InputError for sequences of several rates: their frames are not of the same times.
     """
+    rates = sorted({each.fps for each in sequences})
+    if len(rates) > 1:
+        raise InputError(
+            f"The clips have several rates ({', '.join(f'{rate:g}' for rate in rates)} frames a second), and a film "
+            "strip shows the same times of all.",
+            "Give clips of one rate.",
+        )
     view = view_of(_YAW, _PITCH)
     shown = [each.vertices[np.minimum(frames, len(each.vertices) - 1)] @ view.T for each in sequences]
     low = np.min([each[..., :2].min((0, 1)) for each in shown], axis=0) - _MARGIN_M
@@ -43,8 +54,8 @@ def strip_of(sequences: Sequence[Played], faces: dict[str, np.ndarray], frames: 
         ),
         markup('<rect width="100%" height="100%" fill="#ffffff"/>'),
     ]  # fmt: skip
-    for column, frame in enumerate(frames):
-        seconds = (start + frame) / sequences[0].fps
+    for column, frame in enumerate(frames.tolist()):
+        seconds = (start + frame) / rates[0]
         words = (column * width + width // 2, f"{seconds:.2f} s")
         parts.append(markup('<text x="{}" y="15" text-anchor="middle" fill="#555555">{}</text>', *words))
     for row, (played, pixels) in enumerate(zip(sequences, rows, strict=True)):

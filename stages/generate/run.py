@@ -23,20 +23,20 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     started = time.perf_counter()
     check_artefact(config, "motion")
     model = load_generator(config.weights, config.device)
-    actions = config.action or model.actions
+    actions = list(dict.fromkeys(config.action or model.actions))
+    clips = len(actions) * config.count
     for action in actions:
         model.action(action)
-    progress.start("generating", len(actions) * config.count)
+    progress.start("generating", clips)
     manifest, names = model.artefact.manifest, FileNames()
     with (
         write_artefact(config.output, "motion", stage="generate", config=config, inputs=[model.artefact]) as draft,
         MotionWriter(draft.folder) as writer,
     ):
         skeleton = writer.add_skeleton(model.skeleton)
-        for action in dict.fromkeys(actions):
-            for number, motion in enumerate(
-                generated_motions(model, action, config.count, config.frames, config.seed)
-            ):
+        for action in actions:
+            made = generated_motions(model, action, config.count, config.frames, config.seed)
+            for number, motion in enumerate(made):
                 source = generated_source(action, number)
                 row = ClipRow(
                     clip=names.of(source), source=source, sha256=manifest.digest, skeleton=skeleton,
@@ -45,10 +45,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
                 )  # fmt: skip
                 writer.add_clip(row, motion)
                 progress.advance(1, source)
-    clips = len(dict.fromkeys(actions)) * config.count
     seconds = time.perf_counter() - started
     return StageReport(
         output=config.output,
-        lines=[f"Generated {clips} motions of {len(dict.fromkeys(actions))} actions in {seconds:.1f} s."],
-        figures={"clips": clips, "actions": list(dict.fromkeys(actions)), "seconds": seconds},
+        lines=[f"Generated {clips} motions of {len(actions)} actions in {seconds:.1f} s."],
+        figures={"clips": clips, "actions": actions, "seconds": seconds},
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from data_schemas.artefact import open_artefact, write_artefact
@@ -50,15 +48,16 @@ def run_artefact(config: Config, model: ConceptModel, progress: Progress) -> Sta
                 left.append(f"{row.clip} is left as it is: {error}")
                 writer.add_clip(row, motion)
             else:
-                writer.add_clip(replace(row, frames=found.motion.frames), found.motion)
+                writer.add_clip(row, found.motion)
                 rows += [{"clip": row.clip, "action": action, **each} for each in found.anchors(model.fps)]
-                moved.append(float(1000 * np.linalg.norm(found.moved, axis=-1).mean()))
+                moved.append(found.moved_mm)
                 kept = flawed_ones if found.found.flawed.any() else others
                 if len(kept) < _SHOWN:
                     kept.append((row.clip, action, found))
             progress.advance(1, row.clip)
         if not moved:
-            raise UsageError(f"No clip of {config.input} was refined; the first of {len(left)} reasons: {left[0]}")
+            why = f"The first of {len(left)} reasons: {left[0]}" if left else "It holds none."
+            raise UsageError(f"No clip of {config.input} was refined. {why}")
     if config.table is not None:
         write_output(config.table, csv_of(rows))
     if config.page is not None:

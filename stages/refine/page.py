@@ -28,7 +28,7 @@ def page_of(motions: Sequence[tuple[str, str, Refined]], config: Config, fps: fl
         markup(
             "<h2>{}: {}</h2><p>{} of {} anchors were judged flawed; joints moved by {} mm (mean).</p>{}",
             action, name, int(each.found.flawed.sum()), len(each.found.anchors),
-            f"{1000 * np.linalg.norm(each.moved, axis=-1).mean():.0f}", _strips(each, fps),
+            f"{each.moved_mm:.0f}", _strips(each, fps),
         )
         for name, action, each in motions
     ]  # fmt: skip

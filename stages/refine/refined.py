@@ -30,6 +30,11 @@ class Refined:
     found: Refinement
     body: Body
 
+    @property
+    def moved_mm(self) -> float:
+        """How far the joints moved, in mm: the mean over joints and frames."""
+        return float(1000 * np.linalg.norm(self.moved, axis=-1).mean())
+
     def anchors(self, fps: float) -> list[dict]:
         """One mapping an anchor. fps: the networks' rate; frames are counted at the motion's own rate."""
         found, apart = self.found, 1000 * np.linalg.norm(self.moved, axis=-1).mean(axis=1)

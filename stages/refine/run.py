@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-
 from data_schemas.errors import InputError, UsageError
-from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.manifest import names_artefact
 from data_schemas.notes import sentences_of
 from stages.refine.artefact import run_artefact
 from stages.refine.config import Config
@@ -34,7 +32,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         or a clip that is too short.
     """
     started = time.perf_counter()
-    of_artefact = (config.input / MANIFEST_NAME).is_file() or config.input.name == MANIFEST_NAME
+    of_artefact = names_artefact(config.input)
     if of_artefact:
         check_artefact(config, "motion")
     else:
@@ -68,10 +66,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     progress.advance(note="written")
     notes = [*sentences_of(recording.notes), *losses]
     flawed = int(found.found.flawed.sum())
-    mean_mm = float(1000 * np.linalg.norm(found.moved, axis=-1).mean())
     lines = [
         *[f"Note: {note}" for note in notes],
-        f"{flawed} of {len(rows)} anchors were judged flawed; joints moved by {mean_mm:.1f} mm (mean), in "
+        f"{flawed} of {len(rows)} anchors were judged flawed; joints moved by {found.moved_mm:.1f} mm (mean), in "
         f"{time.perf_counter() - started:.2f} s.",
         *[
             f"Anchor at frame {row['frame']} ({row['seconds']:.2f} s): score {row['score']:.1f}, moved by "
@@ -82,7 +79,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     return StageReport(
         output=config.output,
         lines=lines,
-        figures={"anchors": rows, "flawed": flawed, "moved_mm": mean_mm, "notes": notes},
+        figures={"anchors": rows, "flawed": flawed, "moved_mm": found.moved_mm, "notes": notes},
     )
 
 

@@ -41,8 +41,8 @@ class Config(WritingConfig, SeededConfig):
     )  # fmt: skip
     data_set: Literal["humanact12", "uestc", "action2motion"] | None = Field(
         None,
-        description="The input is a folder of this data set of joint positions, as its public code reads it; "
-        "action2motion: of one generator's published output (ARCHIVE!FOLDER too).",
+        description="The input is a folder of this data set of joint positions, as its public code reads it. For "
+        "action2motion it is the published output of one generator: a folder, or ARCHIVE!FOLDER.",
     )
     actions: str = Field(
         "auto",

@@ -9,7 +9,7 @@ from pathlib import Path
 from data_schemas.clips import ClipRow
 from data_schemas.concepts import StoredBody
 from data_schemas.errors import InputError
-from data_schemas.manifest import MANIFEST_NAME, Artefact, sha256_of_file
+from data_schemas.manifest import Artefact, names_artefact, sha256_of_file
 from data_schemas.motion import MotionReader
 from data_schemas.notes import sentences_of
 from data_schemas.skeleton import Motion, Skeleton
@@ -47,7 +47,7 @@ def given(config: Config) -> Given:
             return Given(len(found), iter(found), (Path(str(config.input).partition("!")[0]),))
         found = positions_of_data_set(config.data_set, config.input)
         return Given(len(found), iter(found), (config.input,))
-    if (config.input / MANIFEST_NAME).is_file() or config.input.name == MANIFEST_NAME:
+    if names_artefact(config.input):
         reader = MotionReader(config.input)
 
         def clips_of_artefact() -> Iterator[LabelledPositions]:

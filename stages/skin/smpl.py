@@ -1,4 +1,4 @@
-"""`pumps skin --body-models`: parameters of SMPL's bodies as the surfaces that they stand for."""
+"""`pumps skin --body-models`: the surfaces of parameters of SMPL's bodies."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from data_schemas.artefact import write_artefact
 from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError, UsageError
-from data_schemas.manifest import MANIFEST_NAME
+from data_schemas.manifest import names_artefact
 from data_schemas.mesh import MeshWriter
 from data_schemas.skeleton import Motion
 from data_schemas.skinned_body import Body
@@ -28,13 +28,13 @@ from stages.shared.meshes.smpl_bodies import SmplModel, load_smpl
 from stages.shared.progress import Progress
 from stages.skin.config import Config
 
-_NEUTRAL, _LEFT_OUT = "neutral", "left out"
+_NEUTRAL = "neutral"
 _FINGERS_FROM = 3 * 22  # numbers of a pose before those of hands and face
 
 
 @dataclass
 class _Wardrobe:
-    """Models by layout and gender, and the names of the bodies that were worn."""
+    """Models by layout and gender, and the names of the bodies that are stored."""
 
     folder: Path
     models: dict[tuple[str, str], SmplModel] = field(default_factory=dict)
@@ -46,7 +46,7 @@ class _Wardrobe:
             self.models[key] = load_smpl(self.folder, layout, gender)
         return self.models[key]
 
-    def worn(self, writer: MeshWriter, model: SmplModel, given: SmplParameters) -> str:
+    def body(self, writer: MeshWriter, model: SmplModel, given: SmplParameters) -> str:
         """The name of the parameters' body, which is stored where it is new."""
         key = (given.layout, given.gender or _NEUTRAL, np.asarray(given.betas, np.float64).tobytes())
         if key not in self.bodies:
@@ -64,16 +64,17 @@ def skin_smpl(config: Config, progress: Progress) -> StageReport:
         left.
     """
     assert config.body_models is not None
-    if config.bodies is not None or config.where is not None or (config.input / MANIFEST_NAME).is_file():
+    if config.bodies is not None or config.where is not None or names_artefact(config.input):
         raise UsageError(
-            "--body-models puts files of SMPL's parameters on SMPL's bodies; --bodies, --where and artefacts are for "
-            "others.",
+            "--body-models puts files of SMPL's parameters on SMPL's bodies: give neither --bodies nor --where nor "
+            "an artefact.",
             "Give the .npz files, their folder or archive.",
         )
     sources = find_sources([str(config.input)], (".npz",))
     assigned = assign_splits(sources, config.splits)
     wardrobe, names = _Wardrobe(config.body_models), ClipNames()
-    lines, frames, clips, count = [*assigned.notes], 0, 0, 0
+    left: list[str] = []
+    frames = clips = 0
     licence, dtype = config.licence or "unknown", np.float16 if config.store == "float16" else np.float32
     inputs = [config.input, *([config.splits] if config.splits is not None else [])]
     progress.start("Computing surfaces", total=len(sources))
@@ -95,27 +96,30 @@ def skin_smpl(config: Config, progress: Progress) -> StageReport:
                 elif not np.array_equal(model.faces, writer.topology.faces):
                     raise InputError(f"{model.path} has other triangles than the model of the first file.")
             except InputError as error:
-                lines.append(f"{_LEFT_OUT}: {source.name}: {error}")
+                left.append(f"left out: {source.name}: {error}")
                 continue
-            count = model.topology.count
             taken = len(parameters.vectors)
             row = ClipRow(
                 clip=names.name(source), source=source.name, sha256=hashlib.sha256(data).hexdigest(),
-                skeleton=wardrobe.worn(writer, model, parameters), frames=taken, fps=config.fps,
+                skeleton=wardrobe.body(writer, model, parameters), frames=taken, fps=config.fps,
                 seconds=taken / config.fps, split=assigned.splits[source.name], licence=licence,
             )  # fmt: skip
             writer.add_dense(row, _placed(model, parameters, removed=config.root == "removed"), dtype)
             draft.licences.add(licence)
             frames, clips = frames + row.frames, clips + 1
         if writer is None:
-            first = next((line for line in lines if line.startswith(_LEFT_OUT)), "no file is in a split")
-            raise InputError(f"Nothing of {config.input} could be used. The first: {first}")
-        bodies, left_out = len(wardrobe.bodies), sum(line.startswith(_LEFT_OUT) for line in lines)
-        draft.summary |= {"clips": clips, "frames": frames, "identities": bodies, "left_out": left_out}
+            why = f"The first: {left[0]}" if left else "No file is in a split."
+            raise InputError(f"Nothing of {config.input} could be used. {why}")
+        figures = {"clips": clips, "frames": frames, "identities": len(wardrobe.bodies), "left_out": len(left)}
+        draft.summary |= figures
     hours = frames / config.fps / 3600
-    said = f"{clips} clips, {frames} frames ({hours:.2f} hours) on {bodies} of SMPL's bodies, {count} vertices."
-    figures = {"clips": clips, "frames": frames, "hours": hours, "identities": bodies, "left_out": left_out}
-    return StageReport(output=config.output, lines=[said, *lines], figures=figures)
+    said = (
+        f"{clips} clips, {frames} frames ({hours:.2f} hours) on {len(wardrobe.bodies)} of SMPL's bodies, "
+        f"{writer.topology.count} vertices."
+    )
+    return StageReport(
+        output=config.output, lines=[said, *assigned.notes, *left], figures={**figures, "hours": hours}
+    )
 
 
 def _files(inputs: Sequence[Path]) -> list[Path]:
@@ -124,7 +128,7 @@ def _files(inputs: Sequence[Path]) -> list[Path]:
 
 
 def _shown(config: Config, given: SmplParameters) -> SmplParameters:
-    """The parameters at the rate, of the shape and with the root that are asked for; a mean body has flat hands."""
+    """The parameters with the rate, the root and the shape that the config asks for; `mean` has flat hands."""
     turns = Rotation.from_rotvec(given.vectors.reshape(-1, 3).astype(np.float64)).as_quat()
     local = turns.reshape(len(given.vectors), -1, 4).astype(np.float32)
     motion = resample(Motion(local, given.trans.astype(np.float32), given.fps), config.fps)

@@ -15,8 +15,10 @@ from hypothesis import strategies as st
 
 from data_schemas.errors import InputError
 from stages.export_mesh.config import Config
+from stages.export_mesh.page import Played
 from stages.export_mesh.raster import drawn, png_of, view_of
 from stages.export_mesh.run import run
+from stages.export_mesh.strip import strip_of
 from tests.shared.meshes.figures import write_arms
 from tests.shared.meshes.shapes import ball
 
@@ -68,9 +70,9 @@ def test_pixels_are_covered_where_rays_hit_the_mesh_and_show_its_nearest_triangl
 
 def _light_of(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
     normal = np.cross(b - a, c - a)
-    normal = np.abs(normal / np.linalg.norm(normal)), normal / np.linalg.norm(normal)
+    normal /= np.linalg.norm(normal)
     toward = np.array([0.4, 0.8, 0.5]) / np.linalg.norm([0.4, 0.8, 0.5])
-    return round(48 * (0.35 + 0.5 * abs(normal[1] @ toward) + 0.15 * normal[0][2])) / 48
+    return round(48 * (0.35 + 0.5 * abs(normal @ toward) + 0.15 * abs(normal[2]))) / 48
 
 
 def test_a_view_turns_and_keeps_lengths():
@@ -92,6 +94,14 @@ def test_a_strip_has_a_row_for_each_artefact_and_a_column_for_each_pose(tmp_path
     assert np.array_equal(*covered) and not np.array_equal(one, other)  # another colour of the same frames
     poses = np.split(covered[0], 4, axis=1)
     assert all(0.05 < pose.mean() < 0.9 for pose in poses) and not np.array_equal(poses[0], poses[-1])
+
+
+def test_clips_of_several_rates_are_refused():
+    vertices, faces = ball(6, 0)
+    clips = [Played("a", name, vertices[None], fps) for name, fps in (("one", 25.0), ("other", 30.0))]
+    with pytest.raises(InputError, match=r"several rates \(25, 30 frames a second\)"):
+        strip_of(clips, {"one": faces, "other": faces}, np.array([0]), 0)
+    assert "0.04 s" in strip_of(clips[:1], {"one": faces}, np.array([0]), 1)
 
 
 def test_clips_that_only_one_artefact_holds_are_refused(tmp_path: Path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data_schemas.artefact import open_artefact, write_artefact
-from data_schemas.checkpoint import read_checkpoint
+from data_schemas.concepts import ConceptsReader
 from data_schemas.errors import InputError, UsageError
 from data_schemas.metrics import read_metrics
 from data_schemas.motion import ClipRow, MotionReader, MotionWriter
@@ -17,7 +17,10 @@ from stages.generate.run import run
 from stages.measure.concepts.config import Config as MeasureConfig
 from stages.measure.concepts.run import run as measure
 from stages.shared.concepts.actions import action_of
+from stages.shared.concepts.body_positions import relative_poses
+from stages.shared.concepts.sequences import concept_set
 from stages.shared.inference.generating import generated_motions, load_generator
+from stages.shared.kinematics.forward_numpy import positions_of
 from stages.train.generator.config import Config as GeneratorConfig
 from stages.train.generator.run import run as train_generator
 from stages.train.recogniser.config import Config as RecogniserConfig
@@ -32,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two generators of a few steps, a recogniser, and motions."""
     path = tmp_path_factory.mktemp("generate")
     write_two_actions(path / "c")
-    for network, steps in (("actor", 30), ("recurrent", 4)):
+    for network, steps in (("actor", 60), ("recurrent", 4)):
         train_generator(
             GeneratorConfig(
                 concepts=path / "c", output=path / network, network=network,  # pyright: ignore[reportArgumentType]
@@ -59,21 +62,34 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_motions_are_bodies_on_the_ground_and_depend_on_seed_and_number_alone(folder: Path, network: str):
     model = load_generator(folder / network, "cpu")
     assert model.actions == ACTIONS and model.fps == 20 and set(model.frames) == {16}
-    few = generated_motions(model, "walk", 2, None, seed=1)
-    more = generated_motions(model, "walk", 3, None, seed=1)
-    other = generated_motions(model, "walk", 2, None, seed=2)
+    few = list(generated_motions(model, "walk", 2, None, seed=1))
+    more = list(generated_motions(model, "walk", 3, None, seed=1))
+    other = list(generated_motions(model, "walk", 2, None, seed=2))
+    assert (len(few), len(more)) == (2, 3)
     for one, same, another in zip(few, more, other, strict=False):
         np.testing.assert_allclose(one.rotations, same.rotations, atol=1e-5)
         assert np.abs(one.rotations - another.rotations).max() > 1e-4
         np.testing.assert_allclose(np.linalg.norm(one.rotations, axis=-1), 1, atol=1e-5)
-    assert few[0].frames == 16 and generated_motions(model, "walk", 1, 24, seed=1)[0].frames == 24
+    lows = [positions_of(model.skeleton, each)[..., 1].min() for each in few]
+    np.testing.assert_allclose(lows, 0, atol=1e-5)
+    assert few[0].frames == 16 and next(generated_motions(model, "walk", 1, 24, seed=1)).frames == 24
 
 
 def test_training_finds_the_actions_poses(folder: Path):
     """After some steps, generated frames are nearer to the action's mean frame than to the other action's."""
-    log = read_checkpoint(folder / "actor").log
-    losses = [row["loss"] for row in log if row["split"] == "val" and row.get("loss") is not None]
-    assert losses[-1] < 1.2  # standardised frames have the variance 1
+    model = load_generator(folder / "actor", "cpu")
+    with ConceptsReader(folder / "c") as reader:
+        found = concept_set(reader)
+    clips = {found.actions[clip.action]: clip.positions.astype(np.float64) for clip in found.of("train")}
+
+    def mean_pose(positions: np.ndarray) -> np.ndarray:
+        return relative_poses(positions, found.body.groups).mean(0)
+
+    for action in ACTIONS:
+        (made,) = generated_motions(model, action, 1, None, seed=1)
+        pose = mean_pose(positions_of(model.skeleton, made).astype(np.float64))
+        apart = {name: np.linalg.norm(pose - mean_pose(clip), axis=-1).mean() for name, clip in clips.items()}
+        assert min(apart, key=apart.__getitem__) == action, apart
 
 
 def test_the_artefact_names_actions_and_licences(folder: Path):

@@ -198,7 +198,15 @@ def test_an_artefact_is_refined_clip_by_clip_with_its_page(weights: Path, tmp_pa
             assert one.frames == two.frames and np.array_equal(one.rotations, two.rotations) == same
     assert len(table.read_text().splitlines()) == report.figures["anchors"] + 1
     text = page.read_text()
-    assert text.count("<h2>") >= 1 and "&lt;" not in text.split("<pre>")[0] and "<script" not in text
+    assert text.count("<h2>") == 2 and "&lt;" not in text.split("<pre>")[0] and "<script" not in text
+
+
+def test_an_artefact_of_which_no_clip_is_refined_is_refused(weights: Path, tmp_path: Path):
+    with write_artefact(tmp_path / "in", "motion", stage="test", config={}) as draft, MotionWriter(draft.folder):
+        pass
+    with pytest.raises(UsageError, match=r"was refined\. It holds none"):
+        run(Config(input=tmp_path / "in", output=tmp_path / "out", weights=weights, device="cpu"))
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_file_needs_an_action(weights: Path, tmp_path: Path):

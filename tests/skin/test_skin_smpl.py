@@ -87,6 +87,7 @@ def test_recordings_of_a_shape_share_a_body_and_splits_are_the_papers(folder: Pa
     report = run(_config(folder, splits=folder / "splits.json"))
     assert any("1 of 5 files are in no split" in line for line in report.lines)
     assert sum(line.startswith("left out") and "shape.npz" in line for line in report.lines) == 1
+    assert report.figures["left_out"] == 1
     with MeshReader(folder / "out") as reader:
         assert [(row.split, row.skeleton) for row in reader.clips] == [
             ("test", "body-0"), ("train", "body-1"), ("train", "body-1"),
@@ -96,7 +97,7 @@ def test_recordings_of_a_shape_share_a_body_and_splits_are_the_papers(folder: Pa
 def test_bad_models_and_options_are_refused_with_one_sentence(folder: Path):
     write_recording(folder / "amass" / "a.npz")
     path = folder / "models" / "smplh" / "female" / "model.npz"
-    with pytest.raises(UsageError, match="--bodies, --where and artefacts are for others"):
+    with pytest.raises(UsageError, match="give neither --bodies nor --where nor an artefact"):
         run(_config(folder, where="seconds > 1"))
     with pytest.raises(UsageError, match="--splits is for --body-models"):
         run(_config(folder, body_models=None, splits=folder / "x.json"))
@@ -104,6 +105,12 @@ def test_bad_models_and_options_are_refused_with_one_sentence(folder: Path):
         run(_config(folder, body_models=folder / "amass"))
     write_model(path, weights=np.ones((5, JOINTS)))
     with pytest.raises(InputError, match="weights has the shape"):
+        run(_config(folder))
+    write_model(path, v_template=np.array(1.0))
+    with pytest.raises(InputError, match="no vertices or no joints"):
+        run(_config(folder))
+    write_model(path, J_regressor=np.zeros((0, 4 * JOINTS)))
+    with pytest.raises(InputError, match="no vertices or no joints"):
         run(_config(folder))
     write_model(path, posedirs=np.full((4 * JOINTS, 3, 9 * (JOINTS - 1)), np.nan))
     with pytest.raises(InputError, match="posedirs holds numbers that are not finite"):

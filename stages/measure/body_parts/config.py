@@ -44,8 +44,8 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     pumps: str | None = Field(
         None,
         json_schema_extra={NAMES_OF: "weights"},
-        description="Weights of `pumps infill`, which complete lost limbs beside the bodies; by default no limb is "
-        "lost.",
+        description="Weights of `pumps infill` that also complete lost limbs, to compare with the bodies; without "
+        "them no limb is lost.",
     )
     lost: tuple[str, ...] = Field(
         ("left_leg", "right_leg"), description="With --pumps: limbs that are lost, of " + ", ".join(LIMBS) + "."

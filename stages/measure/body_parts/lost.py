@@ -1,7 +1,7 @@
-"""Limbs that are lost for a while or for good: completed by `infill`'s models, and by the autoencoders of parts.
+"""Limbs that are lost for a while or for good, completed by the models of `infill` and by the bodies of parts.
 
 A stretch begins with one window in which the whole body is seen. Then limbs are lost for some windows, in which the
-other limbs, the spine and the pelvis' path are still known. Then one more window is seen, or the clip is over.
+other limbs, the spine and the pelvis' path are still known. Then one more window is seen, or the stretch ends.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from data_schemas.metrics import MetricRow
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import BODY_GROUPS, Motion, Skeleton
 from stages.measure.body_parts.config import Config
-from stages.shared.humanoid.clips_on_rig import local_on_rig, skeleton_on_rig
+from stages.shared.humanoid.clips_on_rig import frames_read, local_on_rig, skeleton_on_rig
 from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.constraints.fixed import Fixed
 from stages.shared.inference.filling import FillOptions, fill_motion, start_from
@@ -56,7 +56,7 @@ class Stretch:
     lost: np.ndarray
 
     def until_lost(self) -> Stretch:
-        """The same without what follows the lost frames."""
+        """The same stretch without the frames after the lost ones."""
         end = int(np.flatnonzero(self.lost)[-1]) + 1
         return replace(self, motion=self.motion.at(slice(0, end)), local=self.local[:end], lost=self.lost[:end])
 
@@ -70,14 +70,14 @@ def stretches_of(reader: MotionReader, rows: Sequence[ClipRow], body: PartBody, 
     lost[window:-window] = True
     places: list[tuple[ClipRow, int]] = []
     for row in rows:
-        count = resampled_frames(_read(row, config), row.fps, body.rate_hz) // frames
+        count = resampled_frames(frames_read(row, config.clip_seconds), row.fps, body.rate_hz) // frames
         places += [(row, index * frames) for index in range(count)]
     if not places:
         return []
     chosen = np.unique(np.linspace(0, len(places) - 1, config.lost_stretches).round().astype(int))
     found: list[Stretch] = []
     for row, group in groupby((places[int(place)] for place in chosen), lambda place: place[0]):
-        read = reader.motion(row.clip, 0, _read(row, config))
+        read = reader.motion(row.clip, 0, frames_read(row, config.clip_seconds))
         made = skeleton_on_rig(reader.skeleton(row.skeleton), read, body.body, body.rate_hz)
         if made is None:
             continue
@@ -87,11 +87,6 @@ def stretches_of(reader: MotionReader, rows: Sequence[ClipRow], body: PartBody, 
             own = slice(start, start + frames)
             found.append(Stretch(row, start, skeleton, motion.at(own), joints, local[own], lost))
     return found
-
-
-def _read(row: ClipRow, config: Config) -> int:
-    """Frames of a clip that are read."""
-    return min(row.frames, round(config.clip_seconds * row.fps)) if config.clip_seconds else row.frames
 
 
 def rows_of_lost(
@@ -109,10 +104,10 @@ def rows_of_lost(
     found: dict[tuple[ClipRow, str, str, int, str], list[float]] = {}
     for stretch in stretches:
         for task, some in ((SEEN_AGAIN, stretch), (FOR_GOOD, stretch.until_lost())):
-            answers = {TRUTH: _columns(some.local), **_filled(config, some, first, numbers, models)}
+            completed = {TRUTH: _columns(some.local), **_filled(config, some, first, numbers, models)}
             for name, body in bodies.items():
-                answers |= {f"{name}, {what}": made for what, made in _by_parts(body, some, numbers).items()}
-            for method, made in answers.items():
+                completed |= {f"{name}, {what}": made for what, made in _by_parts(body, some, numbers).items()}
+            for method, made in completed.items():
                 for metric, value in _measured(made, some, limbs, first).items():
                     key = (stretch.row, method, task, int(some.lost.sum()), metric)
                     found.setdefault(key, []).append(value)
@@ -168,15 +163,15 @@ def limbs_of(skeleton: Skeleton, groups: Sequence[int]) -> np.ndarray:
 
 
 def without_limbs(skeleton: Skeleton, motion: Motion, limbs: np.ndarray, lost: np.ndarray) -> Motion:
-    """The motion (T frames) whose limbs (J,) are not turned against their parents in the lost frames (T,)."""
+    """The motion (T frames) with local rotations of zero for the joints `limbs` (J,) in the frames `lost` (T,)."""
     local = local_rotations(motion.rotations.astype(np.float64), skeleton.parents)
     local[np.ix_(lost, limbs)] = [0, 0, 0, 1]
     return replace(motion, rotations=global_rotations(local, skeleton.parents).astype(np.float32))
 
 
 def _by_parts(body: PartBody, stretch: Stretch, groups: Sequence[int]) -> dict[str, Tensor]:
-    """What a body of parts makes of the stretch: with the limbs hidden, with the latents of the window before the
-    loss again, and with the limbs seen, which is its error without any loss."""
+    """What a body of parts decodes: with the limbs hidden; the window before the loss, repeated; and with the limbs
+    seen, which gives its error without any loss."""
     truth = _columns(stretch.local)
     count = len(truth) // body.window
     windows = truth.reshape(count, body.window, *truth.shape[1:])

@@ -23,12 +23,12 @@ def lost_tables(config: Config, rows: Sequence[MetricRow], sets: Sequence[str]) 
     yield "\n## Lost limbs\n"
     yield (
         f"After one window of the whole body, these limbs are lost for some windows: {limbs}. The other joints and "
-        f"the pelvis' path stay known. `infill` has the weights {config.pumps}; the plain interpolation is what it "
-        "starts from. Bodies of parts give, with limbs hidden, what they decode where the lost joints have the "
-        "training's mean pose; or they repeat the window before the loss; with limbs seen, nothing is lost. Errors "
-        "of the lost limbs' joints in the lost frames, means over stretches, with a 95% bootstrap interval over "
-        "clips. The step at a seam is how far these joints move from one frame to the next, where lost frames begin "
-        "or end.\n"
+        f"the pelvis' path stay known. `infill` uses the weights {config.pumps} and starts from the plain "
+        "interpolation. Bodies of parts are measured in three ways: with the limbs hidden, the lost joints have the "
+        "training's mean pose before the body is encoded; with the last latent again, the window before the loss is "
+        "repeated; with the limbs seen, nothing is lost. The errors are those of the lost limbs' joints in the lost "
+        "frames: means over stretches, with a 95% bootstrap interval over clips. The step at a seam is how far these "
+        "joints move from one frame to the next, where lost frames begin or end.\n"
     )
     for label in sets:
         for task in (SEEN_AGAIN, FOR_GOOD):

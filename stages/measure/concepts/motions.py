@@ -16,7 +16,7 @@ from stages.shared.concepts.body_positions import body_of, body_positions
 from stages.shared.concepts.sequences import ConceptSet
 from stages.shared.inference.recognising import RecogniserModel
 from stages.shared.kinematics.resampling import resample
-from stages.shared.training.action_windows import ActionDrawer, batch_of
+from stages.shared.training.action_windows import batch_of, windows_of
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class Features:
 def features_of_real(model: RecogniserModel, found: ConceptSet, splits: Sequence[str]) -> Features | None:
     """Windows that follow each other in the real motions of some splits; None where there are none."""
     kinds = [model.actions.index(name) for name in found.actions]
-    drawer = ActionDrawer(found, model.window)
-    windows = drawer.windows([each for each in found.sequences if each.split in splits])
+    windows = windows_of([each for each in found.sequences if each.split in splits], model.window)
     if not windows:
         return None
     parts = [(clip.positions[start : start + model.window], kinds[clip.action]) for clip, start in windows]

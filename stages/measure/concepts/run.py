@@ -61,9 +61,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     if real is None:
         raise InputError(f"{config.concepts} holds no real motion of {', '.join(config.splits)}.", "Give --splits.")
     groups: dict[str, Features] = {REAL: real}
+    progress.advance(note=REAL)
     others = features_of_real(model, found, sorted({"train", "val", "test"} - set(config.splits)))
     if others is not None:
         groups[OTHERS] = others
+    progress.advance(note=OTHERS)
     for name, folder in made.items():
         groups[name], artefact = features_of_made(model, Path(folder), config.actions)
         inputs.append(artefact)
@@ -154,9 +156,11 @@ def _page(
     return (
         f"# Generated and refined motions\n\nMade by:\n\n```\n{command_line('pumps measure concepts', config)}\n```\n"
         f"\n{len(found.actions)} actions. The recogniser's accuracy: {held_out}. FID and A-FID are distances to the "
-        f"real motions of {', '.join(config.splits)} (row {REAL}); the ratio is to the row without refinement. Mean "
-        f"of {config.repetitions} repetitions, ± half the 95 % interval of that mean. A repetition draws "
-        f"{FID_SAMPLES} motions for FID and accuracy, {ACTION_SAMPLES} of each action for A-FID, {DIVERSITY_PAIRS} "
-        f"pairs for diversity and {MULTIMODALITY_PAIRS} pairs of each action for multimodality.{drawn} The intervals "
-        "say how much the draws vary, not how much another training would.\n\n" + "\n".join(table.markdown()) + "\n"
+        f"real motions of {', '.join(config.splits)} (row {REAL}); a ratio compares a row with the row without "
+        f"refinement. A figure is the mean of {config.repetitions} repetitions, ± half the width of its 95 % interval. "
+        f"A repetition draws {FID_SAMPLES} motions for FID and accuracy, {ACTION_SAMPLES} of each action for A-FID, "
+        f"{DIVERSITY_PAIRS} pairs for diversity and {MULTIMODALITY_PAIRS} pairs of each action for multimodality."
+        f"{drawn} The intervals say how much the draws vary, not how much another training would.\n\n"
+        + "\n".join(table.markdown())
+        + "\n"
     )

@@ -28,10 +28,11 @@ from stages.shared.concepts.data_sets import (
     labelled_positions,
     y_up,
 )
-from stages.shared.formats.archives import MAX_FILE_BYTES, archive_suffix, members_of, read_member
+from stages.shared.formats.archives import archive_suffix, members_of
 from stages.shared.formats.arrays import read_array
+from stages.shared.formats.sources import source_named
 
-_MOST_SCALE = 2.5  # files of the generators on Lie algebra hold other numbers than positions in metres
+_MOST_SCALE = 2.5  # the files of the generators of Lie algebra do not hold positions in metres
 LICENCE = "MIT, Copyright (c) 2022 Chuan Guo"
 _MOCAP_NAMES = (
     "hips", "spine", "neck", "head", "left_shoulder", "left_elbow", "left_wrist", "left_hand", "right_shoulder",
@@ -53,9 +54,9 @@ class _Learned:
 
 
 def _humanact12_action(text: str) -> str:
-    number = int(text) if text.isdecimal() else 0
+    number = int(text) if text.isdecimal() and len(text) <= 4 else 0
     if not 1 <= number <= len(HUMANACT12):
-        raise InputError(f"HumanAct12 has no action {text!r}, only 1 to {len(HUMANACT12)}.")
+        raise InputError(f"HumanAct12 has no action {text[:40]!r}, only 1 to {len(HUMANACT12)}.")
     return HUMANACT12[number - 1]
 
 
@@ -86,15 +87,15 @@ def positions_of_samples(given: Path) -> list[LabelledPositions]:
             "Give the folder of one, such as FILE.zip!action2motion-samples/humanact12/vanila_vae_tf.",
         )
     learned = _LEARNED[PurePosixPath(lists[0]).name]
-    classes = _classes(files[lists[0]](), f"{given}: {lists[0]}")
+    classes = _classes(source_named(files[lists[0]]).read(), f"{given}: {lists[0]}")
     joints = [name for name in files if PurePosixPath(name).name.startswith("motion_joints")]
     numbers = [name for name in files if PurePosixPath(name).name == "motion_class.npy"]
     if len(joints) != 1 or len(numbers) != 1:
         raise InputError(f"{given} holds no joints/motion_joints*.npy beside a motion_class.npy, or several of them.")
     body = learned.body()
-    data = files[joints[0]]()
+    data = source_named(files[joints[0]]).read()
     places = _places(read_array(data, joints[0]), len(body.names), f"{given}: {joints[0]}")
-    of_motion = read_array(files[numbers[0]](), numbers[0])
+    of_motion = read_array(source_named(files[numbers[0]]).read(), numbers[0])
     if of_motion.shape != (len(places),) or of_motion.dtype.kind not in "iu":
         raise InputError(f"{given}: {numbers[0]} does not hold one class for each of {len(places)} motions.")
     digest, found = sha256(data).hexdigest(), []
@@ -109,37 +110,28 @@ def positions_of_samples(given: Path) -> list[LabelledPositions]:
         clip = labelled_positions(row, body, turned, learned.action(classes[kind]))
         if not 1 / _MOST_SCALE < clip.scale < _MOST_SCALE:
             raise InputError(
-                f"{given}: {joints[0]} holds bodies of {STATURE_M / clip.scale:.1f} m up to the head's joint, which "
-                "are no joints in metres.",
+                f"{given}: {joints[0]} holds bodies of {STATURE_M / clip.scale:.1f} m up to the head's joint, so its "
+                "numbers are no joints in metres.",
                 "Give another generator's folder.",
             )
         found.append(clip)
     return found
 
 
-def _files(given: Path) -> dict[str, Callable[[], bytes]]:
-    """What reads each file, by its path below the folder or inside the archive."""
+def _files(given: Path) -> dict[str, str]:
+    """The source's name of each file, by its path below the folder or inside the archive."""
     archive, mark, inside = str(given).partition("!")
     if mark or archive_suffix(archive):
         prefix = f"{inside.strip('/')}/" if inside.strip("/") else ""
         return {
-            member.name: lambda member=member: read_member(archive, member)
+            member.name: f"{archive}!{member.name}"
             for member in members_of(archive)
             if member.name.startswith(prefix)
         }
     if not given.is_dir():
         raise InputError(f"{given} is not a folder.", "Give the folder of one generator's output.")
     paths = [path for pattern in ("*.txt", "*.npy", "*/*.txt", "*/*.npy") for path in given.glob(pattern)]
-    return {path.relative_to(given).as_posix(): lambda path=path: _bytes_of(path) for path in paths}
-
-
-def _bytes_of(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path} has more than {MAX_FILE_BYTES} bytes.")
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.") from None
+    return {path.relative_to(given).as_posix(): str(path) for path in paths}
 
 
 def _classes(data: bytes, name: str) -> dict[int, str]:
@@ -150,7 +142,7 @@ def _classes(data: bytes, name: str) -> dict[int, str]:
             try:
                 number, text = ast.literal_eval(line.strip())
                 found[int(number)] = str(text)
-            except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+            except (ValueError, TypeError, SyntaxError, OverflowError, MemoryError, RecursionError):
                 raise InputError(f"{name} has the line {line[:60]!r}, expected one like (0, 'Walk').") from None
     return found
 

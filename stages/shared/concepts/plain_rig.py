@@ -14,7 +14,7 @@ from stages.shared.humanoid.body_groups import find_body_parts
 from stages.shared.humanoid.reference_pose import bone_tails
 
 _LEAF_M = 0.1
-_LEAST = 0.2  # length of a mean of unit directions that has a direction of its own
+_LEAST = 0.2  # a mean of unit vectors that is shorter has no clear direction
 
 
 def rig_of_positions(body: StoredBody, motions: Sequence[np.ndarray]) -> Skeleton:

@@ -33,7 +33,7 @@ _LAYOUT_OF = {3 * len(names): layout for layout, names in LAYOUTS.items()}
 def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
     """The clip of a file of SMPL's parameters. Raises InputError naming the file and the key."""
     arrays, pickled = read_arrays(data, name, _WANTED)
-    given = {key: values for key in POSE_NAMES if (values := numbers_of(arrays, key, name)) is not None}
+    given = {key: values for key in POSE_NAMES if (values := _numbers(arrays, key, name)) is not None}
     vectors, notes = pose_vectors(given, name)
     frames = len(vectors)
     own = _own_rig(arrays, name, vectors.shape[1])
@@ -53,7 +53,7 @@ def read_amass(data: bytes, name: str, asked: Asked) -> list[Recording]:
         ends = ((0.0, 0.0, 0.0),) * len(rest.offsets)
         rig, pelvis = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ends), rest.pelvis
     check_room(name, len(data), frames, len(rig.names))
-    fps = asked.fps_override or stated_rate(arrays, name)
+    fps = asked.fps_override or _rate(arrays, name)
     if fps is None:
         fps = _USUAL_FPS
         remarks = [*remarks, note(Flag.NO_FRAME_RATE, fps=fps)]
@@ -73,7 +73,7 @@ class SmplParameters:
     """A recording as a body model's parameters.
 
     layout: of its joints, a key of LAYOUTS. vectors: (T, 3 J) rotation vectors in the parents' frames, radians.
-    trans: (T, 3) metres. fps: as stated, 30 where nothing is. betas: (B,) of the shape. gender: None if not stated.
+    trans: (T, 3) metres. fps: as stated, else 30. betas: (B,) of the shape. gender: None if not stated.
     up_axis: of its world, "y" or "z".
     """
 
@@ -89,20 +89,20 @@ class SmplParameters:
 def smpl_parameters(data: bytes, name: str) -> SmplParameters:
     """The parameters of a file. Raises InputError naming the file and the key; also for a rig that is not SMPL's."""
     arrays, _ = read_arrays(data, name, _WANTED)
-    given = {key: values for key in POSE_NAMES if (values := numbers_of(arrays, key, name)) is not None}
+    given = {key: values for key in POSE_NAMES if (values := _numbers(arrays, key, name)) is not None}
     vectors, _ = pose_vectors(given, name)
     layout = _LAYOUT_OF.get(vectors.shape[1])
     if layout is None or _own_rig(arrays, name, vectors.shape[1]) is not None:
         raise InputError(f"{name} holds no parameters of SMPL, SMPL-H or SMPL-X, but those of another rig.")
     trans = _path_of(arrays, len(vectors), name)
     trans = np.zeros((len(vectors), 3)) if trans is None else trans
-    fps = stated_rate(arrays, name) or _USUAL_FPS
+    fps = _rate(arrays, name) or _USUAL_FPS
     rest = neutral_joints(layout)
     rig = _rig(LAYOUTS[layout], parents_of(layout), rest.offsets, ((0.0, 0.0, 0.0),) * len(rest.offsets))
     found = _standing_axis(rig, SourcePoses(_quaternions(vectors), trans, fps))
-    betas = betas_of(arrays, name)
+    betas = _betas(arrays, name)
     return SmplParameters(
-        layout, vectors, trans, fps, np.zeros(0) if betas is None else betas, gender_of(arrays),
+        layout, vectors, trans, fps, np.zeros(0) if betas is None else betas, _gender(arrays),
         found or ("y" if names_smplx(arrays) else "z"),
     )  # fmt: skip
 
@@ -110,7 +110,7 @@ def smpl_parameters(data: bytes, name: str) -> SmplParameters:
 def _path_of(arrays: dict[str, np.ndarray], frames: int, name: str) -> np.ndarray | None:
     """(T, 3) places, None if the file has none. Raises InputError for another shape."""
     key = next((key for key in PLACE_NAMES if key in arrays), PLACE_NAMES[0])
-    trans = numbers_of(arrays, key, name)
+    trans = _numbers(arrays, key, name)
     if trans is None:
         return None
     trans = places_of(trans)
@@ -146,7 +146,7 @@ def _own_rig(arrays: dict[str, np.ndarray], name: str, width: int) -> SourceRig 
     if names == LAYOUTS.get(_LAYOUT_OF.get(width, "")):
         return None
     joints = len(names)
-    offsets, ends = numbers_of(arrays, "offsets", name), numbers_of(arrays, "ends", name)
+    offsets, ends = _numbers(arrays, "offsets", name), _numbers(arrays, "ends", name)
     ends = np.zeros((joints, 3)) if ends is None else ends
     parents = arrays["parents"]
     sizes = (width, None if offsets is None else offsets.shape, ends.shape, parents.shape)
@@ -171,7 +171,7 @@ def _quaternions(vectors: np.ndarray) -> np.ndarray:
     return out
 
 
-def numbers_of(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray | None:
+def _numbers(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray | None:
     """An array of finite numbers as floats; None if it is missing. Raises InputError for any other array."""
     array = arrays.get(key)
     if array is None:
@@ -190,10 +190,10 @@ def numbers_of(arrays: dict[str, np.ndarray], key: str, name: str) -> np.ndarray
     return values
 
 
-def stated_rate(arrays: dict[str, np.ndarray], name: str) -> float | None:
+def _rate(arrays: dict[str, np.ndarray], name: str) -> float | None:
     """The stated rate; None for the smplx package's parameters, which have none."""
     for key in _RATES:
-        values = numbers_of(arrays, key, name)
+        values = _numbers(arrays, key, name)
         if values is not None and values.size == 1:
             fps = float(values.reshape(-1)[0])
             if 0.1 <= fps <= 10_000:
@@ -211,11 +211,11 @@ def _rest_joints(
     if asked.body_models is None:
         return neutral_joints(layout), [note(Flag.NEUTRAL_BODY)]
     remarks = []
-    gender = gender_of(arrays)
+    gender = _gender(arrays)
     if gender is None:
         gender = "neutral"
         remarks.append(note(Flag.NO_GENDER, pickled="gender" in pickled))
-    betas = betas_of(arrays, name)
+    betas = _betas(arrays, name)
     if betas is None:
         betas = np.zeros(0)
         remarks.append(note(Flag.MEAN_BODY))
@@ -225,9 +225,9 @@ def _rest_joints(
         raise InputError(f"{name}: {error.message}", error.hint) from None
 
 
-def betas_of(arrays: dict[str, np.ndarray], name: str) -> np.ndarray | None:
+def _betas(arrays: dict[str, np.ndarray], name: str) -> np.ndarray | None:
     """(B,) shape parameters, None if the file has none. Raises InputError for another shape."""
-    betas = numbers_of(arrays, "betas", name)
+    betas = _numbers(arrays, "betas", name)
     if betas is None:
         return None
     if betas.ndim == 2:
@@ -237,7 +237,7 @@ def betas_of(arrays: dict[str, np.ndarray], name: str) -> np.ndarray | None:
     return betas
 
 
-def gender_of(arrays: dict[str, np.ndarray]) -> str | None:
+def _gender(arrays: dict[str, np.ndarray]) -> str | None:
     """ "male", "female" or "neutral", however it is spelt: text, bytes, text of bytes ("b'male'"), a letter."""
     array = arrays.get("gender")
     if array is None or array.dtype.kind not in "SU" or array.size != 1:

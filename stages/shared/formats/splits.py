@@ -93,6 +93,8 @@ def _read_by_split(path: Path) -> dict[str, str] | None:
     raw = _json_of(path)
     if not isinstance(raw, dict) or not raw or not set(raw) <= set(_SPLIT_NAMES):
         return None
+    if all(isinstance(named, dict) for named in raw.values()):  # folders of recordings that are called train, ...
+        return None
     named: dict[str, str] = {}
     for word, names in raw.items():
         if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):

@@ -103,7 +103,7 @@ def clips_on_rig(
     found: list[RotationClip] = []
     left: Counter[str] = Counter()
     for row in rows:
-        frames = min(row.frames, max(2, round(longest_s * row.fps))) if longest_s else row.frames
+        frames = frames_read(row, longest_s)
         if resampled_frames(frames, row.fps, rate_hz) < least:
             left["shorter than a window"] += 1
             continue
@@ -124,6 +124,11 @@ def clips_on_rig(
             f"A window has {least} frames, {least / rate_hz:.2f} seconds; take a shorter one, or longer clips.",
         )
     return found, _sentences(found, left, rate_hz)
+
+
+def frames_read(row: ClipRow, longest_s: float) -> int:
+    """How many frames of a clip are read, from its start: at most `longest_s` seconds; 0 for all."""
+    return min(row.frames, max(2, round(longest_s * row.fps))) if longest_s else row.frames
 
 
 def motion_on_rig(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from data_schemas.skeleton_text import skeleton_of_plain
 from stages.shared.concepts.plain_rig import motion_of_positions
 from stages.shared.inference.bounded_network import MOST_WINDOW, build_bounded
 from stages.shared.inference.models import load_state
+from stages.shared.kinematics.forward_numpy import positions_of
 from stages.shared.networks.concepts.action_generators import ActionGenerator, new_generator
 from stages.shared.networks.layers.device import choose_device
 
@@ -76,18 +78,22 @@ def load_generator(path: Path, device: str) -> GeneratorModel:
     )
 
 
-def generated_motions(model: GeneratorModel, action: str, count: int, frames: int | None, seed: int) -> list[Motion]:
+def generated_motions(
+    model: GeneratorModel, action: str, count: int, frames: int | None, seed: int
+) -> Iterator[Motion]:
     """New motions of an action, on the model's rig, at its rate; the lowest joint of each comes to the ground.
+
+    Only one batch of motions is in memory at a time.
 
     Args:
         frames: of each; None for the usual length of the action.
-        seed: a motion depends on it, the action and its own number alone, so that more motions leave the first ones.
+        seed: each motion depends only on the seed, the action and its own number, so that a higher `count` does not
+            change the first ones.
 
     Raises: UsageError for an action that was not learned.
     """
     kind = model.action(action)
     length = model.frames[kind] if frames is None else frames
-    made = []
     for start in range(0, count, _BATCH):
         numbers = range(start, min(start + _BATCH, count))
         shape = model.network.noise_shape(1, length)[1:]
@@ -95,11 +101,17 @@ def generated_motions(model: GeneratorModel, action: str, count: int, frames: in
         kinds = torch.full((len(numbers),), kind, device=model.device)
         with torch.no_grad():
             found = model.network.sample(kinds, length, torch.stack(noise).to(model.device))
-        places = found.cpu().double().numpy().reshape(len(numbers), length, -1, 3)
-        places[..., 1] -= places[..., 1].min(axis=(1, 2), keepdims=True)
-        whole = motion_of_positions(model.skeleton, places.reshape(-1, *places.shape[2:]), model.fps)
-        made += [whole.at(slice(at * length, (at + 1) * length)) for at in range(len(numbers))]
-    return made
+        places = found.cpu().double().numpy().reshape(len(numbers) * length, -1, 3)
+        whole = motion_of_positions(model.skeleton, places, model.fps)
+        for at in range(len(numbers)):
+            yield _on_ground(model.skeleton, whole.at(slice(at * length, (at + 1) * length)))
+
+
+def _on_ground(skeleton: Skeleton, motion: Motion) -> Motion:
+    """The motion moved up or down, so that its lowest joint is at height 0."""
+    roots = motion.root_positions.copy()
+    roots[:, 1] -= positions_of(skeleton, motion)[..., 1].min()
+    return replace(motion, root_positions=roots)
 
 
 def _generator(seed: int, kind: int, number: int) -> torch.Generator:

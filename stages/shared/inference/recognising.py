@@ -56,8 +56,11 @@ def load_recogniser(path: Path, device: str) -> RecogniserModel:
     if config.get("network") != "action-recogniser":
         raise InputError(f"{path} holds no recogniser of actions.", "Give a checkpoint of `pumps train recogniser`.")
     actions, joints, fps = (config.get(name) for name in ("actions", "joints", "fps"))
-    if not isinstance(actions, list) or not isinstance(joints, list) or not isinstance(fps, int | float) or fps <= 0:
-        raise InputError(f"{path} is damaged: it does not say its actions, joints and rate.", "Train it again.")
+    tested = config.get("test_accuracy")
+    if not isinstance(actions, list) or not isinstance(joints, list):
+        raise InputError(f"{path} is damaged: it does not say its actions and joints.", "Train it again.")
+    if not isinstance(fps, int | float) or not 0 < fps < 1e6 or not isinstance(tested, float | int | None):
+        raise InputError(f"{path} is damaged: it does not say its rate and accuracy as numbers.", "Train it again.")
     window = whole_setting(config, "window", MOST_WINDOW, path)
     settings = config.get("settings")
     network = build_bounded(
@@ -68,5 +71,5 @@ def load_recogniser(path: Path, device: str) -> RecogniserModel:
     where = choose_device(device)
     return RecogniserModel(
         network.to(where).eval(), tuple(map(str, actions)), tuple(map(str, joints)), float(fps), window,
-        config.get("test_accuracy"), artefact, where,
+        tested, artefact, where,
     )  # fmt: skip

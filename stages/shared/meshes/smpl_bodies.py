@@ -51,7 +51,8 @@ class SmplModel:
         return Topology(self.faces.astype(np.int32), len(self.template), regressor)
 
     def shaped(self, betas: np.ndarray) -> np.ndarray:
-        """(N, 3) float32 metres: the body of a shape at rest. betas: (B,); none counts that the model lacks."""
+        """(N, 3) float32 metres: the body of a shape at rest. betas: (B,); those beyond the model's number are
+        left out."""
         own = self._betas(betas)
         return (self.template + self.shape_directions @ own).astype(np.float32)
 
@@ -60,7 +61,7 @@ class SmplModel:
 
         Args:
             vectors: (T, 3 K) rotation vectors in the parents' frames, K at most J; further joints are not turned.
-            betas: (B,).
+            betas: (B,); those beyond the model's number are left out.
         """
         import torch
 
@@ -95,7 +96,7 @@ def load_smpl(folder: Path, layout: str, gender: str) -> SmplModel:
     except ImportError as error:
         raise PumpsError(
             "The surface of SMPL's bodies needs the package smplx, which is not installed.",
-            "Install it: pip install 'pumps[smplx]'. Without --body-models, anny's bodies are worn.",
+            "Install it: pip install 'pumps[smplx]'. Without --body-models, `pumps skin` uses anny's bodies.",
         ) from error
     path = model_path(folder, layout, gender)
     try:
@@ -130,7 +131,9 @@ def _fault(arrays: dict[str, np.ndarray]) -> str | None:
     """What does not fit, as the end of a sentence; None if all fits."""
     if any(each.dtype.kind not in "fiu" for each in arrays.values()):
         return "it holds arrays that are no numbers"
-    count, joints = len(arrays["v_template"]), len(arrays["J_regressor"])
+    count, joints = (arrays[name].shape[0] if arrays[name].ndim else 0 for name in ("v_template", "J_regressor"))
+    if not count or not joints:
+        return "it has no vertices or no joints"
     shapes = {
         "v_template": (count, 3), "shapedirs": (count, 3, None), "posedirs": (count, 3, 9 * (joints - 1)),
         "J_regressor": (joints, count), "weights": (count, joints), "kintree_table": (2, joints), "f": (None, 3),

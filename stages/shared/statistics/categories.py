@@ -18,7 +18,7 @@ def named(flag: str, texts: Sequence[str], taken: Sequence[str] = ()) -> dict[st
         if not (name and equals and value):
             raise UsageError(f"--{flag} {text!r} is not NAME=VALUE.", f"Write for instance --{flag} mine=runs/mine.")
         if name in found or name in taken:
-            raise UsageError(f"Two rows are called {name!r}.", f"Give another name: --{flag} NAME={value}.")
+            raise UsageError(f"--{flag} {text!r} has a name that is taken.", f"Give another: --{flag} NAME={value}.")
         found[name] = value
     return found
 

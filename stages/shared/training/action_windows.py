@@ -40,19 +40,16 @@ class ActionDrawer:
             chosen.append((clip, int(row.integers(max(len(clip.positions) - self.window, 0) + 1))))
         return self.batch(chosen)
 
-    def windows(self, clips: Sequence[SegmentedSequence]) -> list[tuple[SegmentedSequence, int]]:
-        """Windows of clips that follow each other; a last one that is shorter than half is left out, unless it is
-        the only one."""
-        return [
-            (clip, start)
-            for clip in clips
-            for start in range(0, max(len(clip.positions) - self.window // 2, 1), self.window)
-        ]
-
     def batch(self, chosen: Sequence[tuple[SegmentedSequence, int]]) -> ActionBatch:
         """Windows of clips from these frames on."""
         parts = [(clip.positions[start : start + self.window], clip.action) for clip, start in chosen]
         return batch_of(parts, self.groups, self.window)
+
+
+def windows_of(clips: Sequence[SegmentedSequence], window: int) -> list[tuple[SegmentedSequence, int]]:
+    """The windows of clips, end to end: a clip and the first frame of each. A clip's last window is left out if it is
+    shorter than half, unless it is the only one."""
+    return [(clip, start) for clip in clips for start in range(0, max(len(clip.positions) - window // 2, 1), window)]
 
 
 def batch_of(parts: Sequence[tuple[np.ndarray, int]], groups: np.ndarray, window: int) -> ActionBatch:

@@ -9,7 +9,7 @@ from stages.shared.concepts.sequences import ConceptSet
 from stages.shared.networks.concepts.action_generators import LEAST_SPREAD_M, ActionGenerator, relative_frames
 from stages.shared.networks.concepts.transition_generator import joint_distance
 from stages.shared.networks.layers.row_generator import RowGenerator, draw_normal
-from stages.shared.training.action_windows import ActionBatch, ActionDrawer
+from stages.shared.training.action_windows import ActionBatch, ActionDrawer, windows_of
 from stages.shared.training.task import HELD_BACK_SEED, TrainingTask, step_random
 from stages.train.generator.config import Config
 
@@ -23,7 +23,7 @@ class GeneratorTask(TrainingTask[ActionGenerator]):
     def __init__(self, config: Config, network: ActionGenerator, found: ConceptSet, device: torch.device):
         self.config, self.device = config, device
         self._drawer = ActionDrawer(found, config.window)
-        _standardise(network, self._drawer.batch(self._drawer.windows(found.of("train"))))
+        _standardise(network, self._drawer.batch(windows_of(found.of("train"), config.window)))
         self.networks = network.to(device)
         rows = range(_VALIDATION_WINDOWS)
         random = step_random(HELD_BACK_SEED, _VALIDATION, 0, rows)

@@ -1,4 +1,4 @@
-"""Lost limbs: what is hidden is not read, what is seen stays, figures of each answer, bad input."""
+"""Lost limbs: what is hidden is not read, what is seen stays, figures of each method, bad input."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _values(rows: list[MetricRow], task: str, metric: str) -> dict[str, float]:
     return {row.method: row.value for row in rows if row.task == task and row.metric == metric}
 
 
-def test_every_answer_is_measured_and_shown(trained: Path, tmp_path: Path):
+def test_every_method_is_measured_and_shown(trained: Path, tmp_path: Path):
     run(_config(trained, tmp_path / "out"))
     rows, page = read_metrics(tmp_path / "out")
     parts = {f"{name}, {what}" for name in ("BPs1", "BPs5") for what in (HIDDEN, HELD, RECONSTRUCTED)}
@@ -96,7 +96,7 @@ def test_every_answer_is_measured_and_shown(trained: Path, tmp_path: Path):
 
 
 def test_what_is_lost_is_not_read(trained: Path, bodies: dict[str, PartBody], models: Models, stretch: Stretch):
-    """Legs turned at random in the lost frames change no answer but the one that sees them."""
+    """The legs' rotations in the lost frames change the result of no method but the one that sees them."""
     config = _config(trained, trained / "unused")
     legs = limbs_of(stretch.skeleton, (3, 4))
     hidden = without_limbs(stretch.skeleton, stretch.motion, legs, stretch.lost)
@@ -105,7 +105,7 @@ def test_what_is_lost_is_not_read(trained: Path, bodies: dict[str, PartBody], mo
     local[np.ix_(stretch.lost, own)] = [0, 0, 0, 1]
     changed = replace(stretch, motion=hidden, local=local)
     found = [list(rows_of_lost(config, "clips", bodies, models, [each], SILENT)) for each in (stretch, changed)]
-    # Steps at the first seam have the truth on one side and the answer on the other.
+    # Steps at the first seam have the truth on one side and the method's result on the other.
     first, second = (_values(rows, FOR_GOOD, "seam_cm") for rows in found)
     for method in (INTERPOLATED, FILLED, f"BPs5, {HIDDEN}", f"BPs1, {HIDDEN}", f"BPs5, {HELD}"):
         assert first[method] == pytest.approx(second[method], abs=1e-5), method

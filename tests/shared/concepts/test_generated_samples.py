@@ -52,6 +52,8 @@ def test_a_folder_and_an_archive_give_the_same_motions(tmp_path: Path):
         ({"classes": [4, 1]}, "does not name"),
         ({"classes": [4]}, "one class for each"),
         ({"lines": "(0, __import__('os'))\n"}, "expected one like"),
+        ({"lines": "(1e999, '01')\n"}, "expected one like"),
+        ({"lines": f"(0, '{'1' * 5000}')\n(4, '05')\n"}, "no action '1111"),
         ({"lines": "(0, '13')\n(4, '05')\n"}, "no action '13'"),
         ({"factor": 10}, "no joints in metres"),
         ({"factor": np.nan}, "not finite"),

@@ -54,6 +54,15 @@ def test_a_file_counts_before_its_folder_and_an_inner_folder_before_an_outer_one
     assert list(_by_end(_assigned(tmp_path, named, *files)).values()) == ["test", "val", "test", "train"]
 
 
+def test_folders_that_are_called_like_splits(tmp_path: Path):
+    (tmp_path / "named.json").write_text(json.dumps({"train": {"test": ["b.npz"]}}))
+    (tmp_path / "train").mkdir()
+    for name in "ab":
+        (tmp_path / "train" / f"{name}.npz").write_bytes(b"")
+    assigned = assign_splits(find_sources([str(tmp_path / "train")], (".npz",)), tmp_path / "named.json")
+    assert list(assigned.splits.values()) == ["train", "test"]
+
+
 def test_splits_that_contradict_themselves_or_are_no_lists(tmp_path: Path):
     with pytest.raises(InputError, match="has 'cmu' in two splits"):
         _assigned(tmp_path, {"train": ["CMU"], "test": ["cmu"]}, "CMU/a.npz")

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from stages.shared.networks.concepts.motion_encoder import perceptron, sinusoidal
 
 NETWORKS = ("actor", "recurrent")
-LEAST_SPREAD_M = 0.02  # a joint that hardly moves is not blown up
+LEAST_SPREAD_M = 0.02  # so that the noise of a joint that hardly moves is not amplified
 
 
 class Reconstructed(NamedTuple):
