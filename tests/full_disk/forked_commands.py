@@ -90,9 +90,10 @@ def _outputs(writing: Writing, first: Path) -> Iterator[Path]:
 
 def _largest_file(writing: Writing, made: Path) -> int:
     """Size in bytes of the largest file that the command writes."""
-    if writing.adds_to:
-        return (made / writing.name / "confidence.json").stat().st_size
     outputs = [*_outputs(writing, made / writing.name)]
+    if writing.adds_to:  # the one file that the earlier output does not have
+        there = {path.name for path in (made / writing.adds_to).iterdir()}
+        outputs = [path for each in outputs for path in each.iterdir() if path.name not in there]
     files = [file for each in outputs for file in ([each] if each.is_file() else each.rglob("*")) if file.is_file()]
     return max(file.stat().st_size for file in files)
 

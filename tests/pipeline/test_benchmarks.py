@@ -44,8 +44,8 @@ def only_here():
     return work(1)
 """
     monkeypatch.setattr(script, "BUILDERS", builders)
-    monkeypatch.setattr(script, "CASES", {"same": "work(2)", "worse": "work(6 if HERE else 2)", "new": "only_here()"})
-    lines, slower = script.comparison(before, rounds=3, most=1.8)
+    cases = {"same": "work(2)", "worse": "work(6 if HERE else 2)", "new": "only_here()"}
+    lines, slower = script.comparison(before, cases, rounds=3, most=1.8)
     assert slower == ["worse"]
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| same", "| worse"]
     assert "new: left out" in capsys.readouterr().err
@@ -54,7 +54,7 @@ def only_here():
 def test_a_version_whose_process_fails_is_an_error(tmp_path):
     script = benchmark_script("two_versions")
     with pytest.raises(SystemExit, match="ended early"):
-        script.comparison(tmp_path, rounds=1, most=1.1)  # holds no code
+        script.comparison(tmp_path, {"any": "len"}, rounds=1, most=1.1)  # holds no code
 
 
 def test_what_is_no_commit_is_named():
