@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from stages.shared.concepts.actions import action_of
 from stages.shared.concepts.body_positions import relative_poses
 from stages.shared.concepts.sequences import concept_set
 from stages.shared.inference.generating import generated_motions, load_generator
+from stages.shared.inference.recognising import load_recogniser
 from stages.shared.kinematics.forward_numpy import positions_of
 from stages.train.generator.config import Config as GeneratorConfig
 from stages.train.generator.run import run as train_generator
@@ -28,6 +31,20 @@ from stages.train.recogniser.run import run as train_recogniser
 from tests.shared.concepts.two_actions import ACTIONS, write_two_actions
 
 QUICK = {"batch": 4, "window": 16, "warmup": 1, "average": 0.5, "device": "cpu"}
+
+
+class _Counted:
+    """The steps of the last bar: how many were announced, and how many came."""
+
+    total, steps = 0.0, 0.0
+
+    def start(self, label: str, total: float | None = None) -> None:
+        self.total, self.steps = total or 0.0, 0.0
+
+    def advance(self, steps: float = 1, note: str = "") -> None:
+        self.steps += steps
+
+    def message(self, text: str) -> None: ...
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +116,22 @@ def test_the_artefact_names_actions_and_licences(folder: Path):
     assert open_artefact(folder / "m", "motion").manifest.licences == ["CC0"]
 
 
+def test_actions_that_are_named_twice_are_made_once(folder: Path, tmp_path: Path):
+    counted = _Counted()
+    config = Config(weights=folder / "actor", output=tmp_path / "x", action=("walk", "walk"), count=2, device="cpu")
+    report = run(config, progress=counted)
+    assert report.figures["clips"] == counted.steps == counted.total == 2
+
+
+@pytest.mark.parametrize(("key", "value"), [("test_accuracy", "high"), ("fps", float("inf")), ("joints", 3)])
+def test_a_recogniser_with_a_damaged_config_is_refused(folder: Path, tmp_path: Path, key: str, value: object):
+    shutil.copytree(folder / "r", tmp_path / "r")
+    path = open_artefact(tmp_path / "r").folder / "config.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
+    with pytest.raises(InputError, match="is damaged"):
+        load_recogniser(tmp_path / "r", "cpu")
+
+
 def test_unknown_actions_and_other_checkpoints_are_refused(folder: Path, tmp_path: Path):
     with pytest.raises(UsageError, match="getup_faceup, walk"):
         run(Config(weights=folder / "actor", output=tmp_path / "x", action=("swim",), device="cpu"))
@@ -122,13 +155,16 @@ def test_real_and_made_motions_are_measured(folder: Path, tmp_path: Path):
             writer.add_skeleton(reader.skeleton(row.skeleton))
             whole = reader.motion(row.clip)
             writer.add_clip(row, whole.at(np.full(row.frames, row.frames // 2)))
+    counted = _Counted()
     report = measure(
         MeasureConfig(
             concepts=folder / "c", recogniser=folder / "r", splits=("train", "test"), repetitions=2, device="cpu",
             made=(f"made={folder / 'm'}", f"made + still={tmp_path / 'still'}"), fits=(f"real={folder / 'c'}",),
             output=tmp_path / "x",
-        )
+        ),
+        progress=counted,
     )  # fmt: skip
+    assert counted.steps == counted.total > 0
     found = report.figures["measured"]
     assert set(found) == {"real", "made", "made + still"} and "fid" not in found["real"]
     assert 0 <= found["made"]["accuracy"]["value"] <= 1 and found["made"]["fid"]["value"] > 0

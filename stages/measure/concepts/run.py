@@ -157,7 +157,7 @@ def _page(
         f"# Generated and refined motions\n\nMade by:\n\n```\n{command_line('pumps measure concepts', config)}\n```\n"
         f"\n{len(found.actions)} actions. The recogniser's accuracy: {held_out}. FID and A-FID are distances to the "
         f"real motions of {', '.join(config.splits)} (row {REAL}); a ratio compares a row with the row without "
-        f"refinement. A figure is the mean of {config.repetitions} repetitions, ± half the width of its 95 % interval. "
+        f"refinement. A figure is the mean of {config.repetitions} repetitions, ± half its 95 % interval. "
         f"A repetition draws {FID_SAMPLES} motions for FID and accuracy, {ACTION_SAMPLES} of each action for A-FID, "
         f"{DIVERSITY_PAIRS} pairs for diversity and {MULTIMODALITY_PAIRS} pairs of each action for multimodality."
         f"{drawn} The intervals say how much the draws vary, not how much another training would.\n\n"
