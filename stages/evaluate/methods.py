@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,7 +27,8 @@ from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, 
 from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRUTH
 from stages.shared.statistics.method_notes import MeasuredWeights
 from stages.shared.statistics.tasks import PREDICTION, TRANSITION
-from stages.shared.statistics.windows import Task, Window
+from stages.shared.statistics.window_seeds import window_seed
+from stages.shared.statistics.windows import Task
 from stages.shared.weights.shipped import CONFIDENCE_NAME, named_source, parts_of, weights_folder
 
 PARTS = ("ae", "lms", "train-ae", "train-lms")
@@ -155,12 +155,6 @@ def without_answers(motion: Motion, known: np.ndarray) -> Motion:
     return replace(motion, rotations=rotations, root_positions=roots, tracks=tracks)
 
 
-def window_seed(seed: int, window: Window) -> int:
-    """The seed of a window's draws, which does not depend on the order in which windows are filled."""
-    parts = [seed, zlib.crc32(window.clip.encode("utf-8", "surrogateescape")), window.start]
-    return int(np.random.SeedSequence(parts).generate_state(1)[0])
-
-
 def _plain_fill(function: Callable[[Poses, np.ndarray], Filled]):
     def fill(batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Made:
         filled = function(poses, batch.known)
@@ -196,7 +190,7 @@ def _cloud_fill(source_of: Callable[[Motion], CloudSource], config: Config, opti
                 batch.known,
                 source_of(motion),
                 points=config.points,
-                seed=window_seed(config.seed, window),
+                seed=window_seed(config.seed, window.clip, window.start),
                 device=device,
                 options=options,
             )

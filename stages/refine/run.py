@@ -45,6 +45,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     if config.action is not None:
         model.action(config.action)
     if of_artefact:
+        for option in ("fps_override", "skeleton_map"):
+            if getattr(config, option) is not None:
+                flag = option.replace("_", "-")
+                raise UsageError(f"--{flag} is for files, and the input is an artefact.", "Give it to pumps ingest.")
         return run_artefact(config, model, progress)
     if config.action is None:
         raise UsageError("A file does not say its action.", f"Give --action, one of {', '.join(model.actions)}.")

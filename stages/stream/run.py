@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -21,6 +20,7 @@ from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.part_errors import joint_errors
+from stages.shared.statistics.window_seeds import seed_words
 from stages.stream.channel import arrived
 from stages.stream.config import Config
 from stages.stream.picture import loss_picture
@@ -142,12 +142,12 @@ def _streamed(
     first = next(iter(bodies.values()))
     frames = len(columns) * first.window
     local = clip.local[:frames]
-    word = zlib.crc32(clip.row.clip.encode("utf-8", "surrogateescape"))
     found: dict[str, list[tuple[float, float]]] = {}
     for seed in range(config.seeds if loss else 1):
 
         def channel(count: int, seed: int = seed) -> np.ndarray:
-            return arrived(count, loss, config.burst, np.random.default_rng((config.seed, word, seed)))
+            own = np.random.default_rng(seed_words(config.seed, clip.row.clip, seed))
+            return arrived(count, loss, config.burst, own)
 
         for name, body in bodies.items():
             made, _ = streamed_parts(body, columns, ranges[name], config.bits, channel)

@@ -17,7 +17,7 @@ from data_schemas.motion import ClipRow, MotionWriter
 from data_schemas.trainings import TrainedArchive, TrainingData
 from stages.evaluate import methods
 from stages.evaluate.config import Config
-from stages.evaluate.methods import window_seed, without_answers
+from stages.evaluate.methods import without_answers
 from stages.evaluate.run import run
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.baselines import BASELINES, Poses
@@ -30,7 +30,7 @@ from stages.shared.statistics.measurements import (
     turned_quaternions,
     turned_vectors,
 )
-from stages.shared.statistics.windows import Window
+from stages.shared.statistics.window_seeds import window_seed
 from stages.shared.weights.shipped import named_source
 from tests.evaluate.swaying import NAMES, skeleton, swaying
 from tests.shared.inference.examples import write_random_weights
@@ -203,10 +203,10 @@ def test_rows_that_are_not_known_are_junk_before_a_model_sees_them() -> None:
 
 
 def test_window_seeds_differ_by_window_and_repeat() -> None:
-    seeds = [window_seed(0, Window(clip, start, 121)) for clip in "ab" for start in (0, 121)]
+    seeds = [window_seed(0, clip, start) for clip in "ab" for start in (0, 121)]
     assert len(set(seeds)) == 4
-    assert window_seed(0, Window("a", 0, 121)) == seeds[0]
-    assert window_seed(1, Window("a", 0, 121)) != seeds[0]
+    assert window_seed(0, "a", 0) == seeds[0]
+    assert window_seed(1, "a", 0) != seeds[0]
 
 
 @pytest.mark.parametrize(

@@ -209,6 +209,13 @@ def test_an_artefact_of_which_no_clip_is_refined_is_refused(weights: Path, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("options", [{"fps_override": 30.0}, {"skeleton_map": Path("map.toml")}])
+def test_an_artefact_takes_no_options_of_files(weights: Path, tmp_path: Path, options: dict):
+    with pytest.raises(UsageError, match="is for files"):
+        run(Config(input=weights.parent / "m", output=tmp_path / "out", weights=weights, device="cpu", **options))
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_file_needs_an_action(weights: Path, tmp_path: Path):
     with pytest.raises(UsageError, match="does not say its action"):
         run(Config(input=CLIPS / "kick.bvh", output=tmp_path / "o.bvh", weights=weights, device="cpu"))

@@ -6,7 +6,6 @@ other limbs, the spine and the pelvis' path are still known. Then one more windo
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -32,6 +31,7 @@ from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.kinematics.resampling import resampled_frames
 from stages.shared.progress import Progress
 from stages.shared.statistics.part_errors import joint_errors
+from stages.shared.statistics.window_seeds import window_seed
 
 SEEN_AGAIN, FOR_GOOD = "lost, seen again", "lost for good"
 TRUTH, INTERPOLATED, FILLED = "truth", "plain interpolation", "infill"
@@ -146,8 +146,7 @@ def _filled(
     motion = without_limbs(skeleton, stretch.motion, limbs, stretch.lost)
     pelvis = positions_of(skeleton, stretch.motion)[:, skeleton.root].astype(np.float64)
     fixed = Fixed(known[:, None] | ~limbs[None], pelvis)
-    name = zlib.crc32(stretch.row.clip.encode("utf-8", "surrogateescape"))
-    seed = int(np.random.SeedSequence([config.seed, name, stretch.start]).generate_state(1)[0])
+    seed = window_seed(config.seed, stretch.row.clip, stretch.start)
     source, device = SynthesisedClouds(models), models.autoencoder.device
     begun = start_from(skeleton, motion, known, source, device=device, options=_OPTIONS, fixed=fixed)
     plain = begun.given.with_rows(np.flatnonzero(~known), begun.base).motion(motion.fps)

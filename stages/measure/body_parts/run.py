@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -38,6 +37,7 @@ from stages.shared.kinematics.matrix_poses import columns_of
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.part_errors import grouped, joint_errors
+from stages.shared.statistics.window_seeds import seed_words
 from stages.shared.weights.shipped import named_source, parts_of, weights_folder
 
 _PICTURE = "locality.svg"
@@ -206,5 +206,5 @@ def _on(device: torch.device, generator: torch.Generator) -> torch.Generator:
 
 
 def _generator(seed: int, name: str, number: int) -> torch.Generator:
-    words = (seed, zlib.crc32(name.encode("utf-8", "surrogateescape")), number)
+    words = seed_words(seed, name, number)
     return torch.Generator().manual_seed(int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0] >> 1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -33,6 +32,7 @@ from stages.shared.progress import SILENT, Progress
 from stages.shared.statistics.archives import archive_of
 from stages.shared.statistics.metrics import mpjae_deg, mpjpe_mm
 from stages.shared.statistics.rig_windows import windows_by_category
+from stages.shared.statistics.window_seeds import window_seed
 from stages.shared.weights.shipped import parts_of, weights_folder
 
 OPTIONS = FillOptions(foot_lock=True)
@@ -86,8 +86,7 @@ def _measured(
     skeleton: Skeleton, truth: Motion, clip: ClipRow, category: str, start: int, models: Models, config: Config
 ) -> Iterator[MetricRow]:
     """The figures of a window; a row `out_of_reach` for each constraint that the body cannot meet."""
-    name = zlib.crc32(clip.clip.encode("utf-8", "surrogateescape"))
-    seed = int(np.random.SeedSequence([config.seed, name, start]).generate_state(1)[0])
+    seed = window_seed(config.seed, clip.clip, start)
     free: Motion | None = None
     for constraint in config.constraints:
         asked = asked_of(constraint, skeleton, truth, config.interval)

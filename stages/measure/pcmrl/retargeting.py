@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -21,6 +20,7 @@ from stages.shared.pointcloud.sampling import draw_points
 from stages.shared.progress import Progress
 from stages.shared.statistics.categories import category_of, named
 from stages.shared.statistics.tasks import RETARGETING
+from stages.shared.statistics.window_seeds import seed_words
 from stages.shared.statistics.windows import Window, chosen_windows
 
 ORIGINAL = "original motion"
@@ -93,7 +93,7 @@ def _measurements(
     truth: Moving, others: dict[str, Moving], window: Window, config: Config
 ) -> Iterator[tuple[tuple[str, str, int], float]]:
     """((method, metric, sigma in mm), value) of a window, in centimetres; L_end has sigma 0."""
-    seed = [config.seed, zlib.crc32(window.clip.encode("utf-8", "surrogateescape")), window.start]
+    seed = seed_words(config.seed, window.clip, window.start)
     cloud, groups = _clouds(truth, config, [*seed, 0])
     compared = {ORIGINAL: truth, **others}
     for number, (name, moving) in enumerate(compared.items()):

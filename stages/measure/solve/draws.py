@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
-
 import numpy as np
 
 from data_schemas.clips import ClipRow
+from stages.shared.statistics.window_seeds import seed_words
 
 
 def rng_of(seed: int, row: ClipRow) -> np.random.Generator:
     """The generator of a clip's cloud and of the changes to it."""
-    return np.random.default_rng([seed, zlib.crc32(row.clip.encode("utf-8", "surrogateescape"))])
+    return np.random.default_rng(seed_words(seed, row.clip))

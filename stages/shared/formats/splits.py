@@ -16,7 +16,7 @@ from stages.shared.formats.sources import Source
 SPLITS_NAME = "splits.json"
 _STRICTEST = ("train", "val", "test")
 _NOTES = (".json", ".txt")  # a file with such a suffix and a recording's name is usually about that recording
-_HINT = 'It must hold {"archive.zip": {"test": [...], "val": [...]}}, or {"train": [...], "test": [...]}.'
+_HINT = 'It must hold {"archive.zip": {"test": [...], "val": [...]}}; with --splits, {"train": [...]} too.'
 _SPLIT_NAMES = {"train": "train", "val": "val", "vald": "val", "valid": "val", "validation": "val", "test": "test"}
 # AMASS' data sets whose names differ between its releases, lower case: old -> new.
 _RENAMED = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
-
 import numpy as np
 import torch
 
@@ -12,6 +10,7 @@ from data_schemas.tpc import TpcReader
 from stages.shared.inference.pose_model import PoseModel, blended
 from stages.shared.pose_tasks.body_pose import BodyPose
 from stages.shared.pose_tasks.task import PoseTask, TaskBatch
+from stages.shared.statistics.window_seeds import seed_words
 
 
 def clean_windows(reader: TpcReader, clip: ClipRow, starts: list[int], window: int) -> BodyPose:
@@ -23,7 +22,7 @@ def clean_windows(reader: TpcReader, clip: ClipRow, starts: list[int], window: i
 
 def window_random(seed: int, clip: ClipRow, start: int) -> np.random.Generator:
     """A generator that depends on the seed, the clip and the first frame alone, whatever else is measured."""
-    return np.random.default_rng([seed, zlib.crc32(clip.clip.encode("utf-8", "surrogateescape")), start])
+    return np.random.default_rng(seed_words(seed, clip.clip, start))
 
 
 def task_batch(reader: TpcReader, task: PoseTask, clip: ClipRow, start: int, window: int, seed: int) -> TaskBatch:

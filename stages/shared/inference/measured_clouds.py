@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -17,6 +16,7 @@ from stages.shared.kinematics.forward import positions_of
 from stages.shared.pointcloud.drawn_points import DrawnPoints, drawn_on_bones
 from stages.shared.pointcloud.sampling import draw_points, spread_points
 from stages.shared.statistics.archives import archive_of
+from stages.shared.statistics.window_seeds import seed_words
 from stages.shared.statistics.windows import Window, chosen_windows
 
 
@@ -38,7 +38,7 @@ class MovingBones:
 
     def seed(self, base: int) -> list[int]:
         """Seeds a generator for this window's own draws, independent of other windows."""
-        return [base, zlib.crc32(self.row.clip.encode("utf-8", "surrogateescape")), self.start]
+        return seed_words(base, self.row.clip, self.start)
 
     def cloud(self, drawn: DrawnPoints) -> Tensor:
         """(T, P, 3) metres, positions of the points of a draw on these bones."""
