@@ -124,8 +124,11 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
 
 
 def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Iterator[FileRun]:
-    """Every file with its output, in the same sub-folders, with the suffix to write. Where a file that is written for
-    two inputs would have one name, the second output's name keeps its input's suffix too. What earlier runs wrote into the folder is no input."""
+    """Every file with its output, in the same sub-folders, with the suffix to write.
+
+    Where a file would be written for two inputs, the second one's output keeps its input's suffix in its name too.
+    What earlier runs wrote into the folder is no input.
+    """
     names: dict[str, FileNames] = {}
     taken: set[Path] = set()
     text = str(config.input)  # type: ignore[attr-defined]
