@@ -2,10 +2,11 @@
 
     python benchmarks/scale.py SOURCE [--where EXPRESSION] [--weights NAME] [--page docs/scale.md]
 
-SOURCE is read by `pumps ingest`, and the stages after it run on a Dask cluster of one worker on this machine. Seconds
-are those of the processor, of the worker and of the process that gives the command (which hands out clips and writes
-the artefact), so that other work on the machine hardly counts. `infill` fills the clips that come with pumps, a key
-every 15 frames. All figures are divided by the hours of motion, and multiplied.
+SOURCE is read by `pumps ingest`. All stages run on a Dask cluster of one worker on this machine. Seconds are those
+of the processor, so that other work on the machine hardly counts: of the worker, and of the process that gives the
+command (which hands out clips and writes the artefact). The scheduler has a process of its own, which is not
+counted. `infill` fills the clips that come with pumps, a key every 15 frames. The first table has all figures divided
+by the hours of motion, and the second one multiplies them.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from distributed import Client, LocalCluster
+from distributed import Client
+from distributed.deploy.subprocess import SubprocessCluster
 from measuring.section import replace_section
 
+from data_schemas.clips import read_clips
 from data_schemas.manifest import open_artefact
 from stages.encode.config import Config as EncodeConfig
 from stages.encode.run import run as encode
@@ -47,9 +50,9 @@ class Cost:
     alone_s: float
     stored: float
 
-    def days(self, hours: float, workers: int) -> float:
-        """Days for so many hours of motion: what takes longer, the workers or the process that gives the command."""
-        return hours * max(self.workers_s / workers, self.alone_s) / 86400
+    def seconds(self, hours: float, workers: int) -> float:
+        """For so many hours of motion: those of the workers or of the command's process, whichever takes longer."""
+        return hours * max(self.workers_s / workers, self.alone_s)
 
 
 def cost_of(stage: str, client: Client, hours: Callable[[], float], output: Path, run: Callable[[], object]) -> Cost:
@@ -72,7 +75,7 @@ def measure(source: str, where: str | None, weights: str) -> tuple[list[Cost], f
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         with (
-            LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+            SubprocessCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
             at = cluster.scheduler_address
@@ -108,8 +111,6 @@ def _warm_up(weights: str) -> None:
 
 
 def _seconds_in(artefact: Path) -> float:
-    from data_schemas.clips import read_clips
-
     return sum(row.seconds for row in read_clips(open_artefact(artefact).folder))
 
 
@@ -129,14 +130,18 @@ def tables(costs: list[Cost], hours: float, source: str) -> str:
     ]
     lines += [
         "",
-        "| hours of motion | stage | disk | " + " | ".join(f"{count:,} workers" for count in WORKERS) + " |",
+        "| hours of motion | stage | disk | " + " | ".join(map(_workers, WORKERS)) + " |",
         "|---:|---|---:|" + "---:|" * len(WORKERS),
     ]
     for amount in HOURS:
         for c in costs:
-            times = " | ".join(_duration(86400 * c.days(amount, count)) for count in WORKERS)
+            times = " | ".join(_duration(c.seconds(amount, count)) for count in WORKERS)
             lines.append(f"| {amount:,} | `{c.stage}` | {_size(amount * c.stored)} | {times} |")
     return "\n".join(lines)
+
+
+def _workers(count: int) -> str:
+    return f"{count:,} worker" if count == 1 else f"{count:,} workers"
 
 
 def _duration(seconds: float) -> str:

@@ -23,7 +23,6 @@ Ranges = Mapping[str, Frames]
 PathPlaces = Mapping[int, Sequence[float]] | str | os.PathLike[str]
 
 
-@one_thread_if_they_spin()
 def infill(
     motion: Motion,
     keyframes: Frames | Mapping[str, Frames] | None = None,
@@ -67,8 +66,11 @@ def infill(
     Raises: UsageError where nothing says which frames are keys, or two arguments do; InputError for frames that are
         not in the motion, for constraints that contradict each other, and for weights that are not there.
     """
-    asked = (keyframes, transition, predict, frames, times, keep, pins, path, lock, constraints)
-    return _infilled(motion, 1, asked, weights, foot_lock, points, seed, device)[0]
+    return infill_samples(
+        motion, 1, keyframes, transition=transition, predict=predict, frames=frames, times=times, keep=keep,
+        pins=pins, path=path, lock=lock, constraints=constraints, weights=weights, foot_lock=foot_lock,
+        points=points, seed=seed, device=device,
+    )[0]  # fmt: skip
 
 
 @one_thread_if_they_spin()
@@ -100,21 +102,6 @@ def infill_samples(
     Returns: the fill that `infill` returns first, then the others. All have the same key rows.
     Raises: as `infill`; InputError for weights that do not hold how motions vary.
     """
-    asked = (keyframes, transition, predict, frames, times, keep, pins, path, lock, constraints)
-    return _infilled(motion, samples, asked, weights, foot_lock, points, seed, device)
-
-
-def _infilled(
-    motion: Motion,
-    samples: int,
-    asked: tuple[Any, ...],
-    weights: str | os.PathLike[str] | None,
-    foot_lock: bool,
-    points: int,
-    seed: int,
-    device: str,
-) -> list[Motion]:
-    """The fills of `infill_samples`; `asked` holds its arguments from `keyframes` to `constraints`."""
     from stages.infill.config import Config
     from stages.infill.row_files import row_file
     from stages.infill.run import fill_files
@@ -124,7 +111,6 @@ def _infilled(
     from stages.shared.settings.layers import Layer, settle
     from stages.shared.weights.shipped import default_weights
 
-    keyframes, transition, predict, frames, times, keep, pins, path, lock, constraints = asked
     data = motion.source or bvh_of_motion(motion.skeleton, motion.record, motion.name)
     here = Path(f"{motion.name}.bvh")
     settings = {

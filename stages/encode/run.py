@@ -67,8 +67,8 @@ def _encoded(reader: TpcReader, autoencoder: Autoencoder, config: Config, clip: 
 
 
 def encode_clip(config: Config, digests: tuple[str, ...], clip: str) -> tuple[np.ndarray, np.ndarray]:
-    """The same in another process, which keeps the artefact and the autoencoder open for further clips; `digests` are
-    theirs."""
+    """`_encoded` in another process, which keeps the artefact and the autoencoder, of these digests, open for further
+    clips."""
     return _encoded(*_opened(config.tpc, config.ae, config.device, digests), config, clip)
 
 

@@ -137,18 +137,20 @@ def fill_files(file: RowFile, config: Config, models: Models, also: Constraints 
     else:
         given, fixed = motion_of_keys(motion.at(region.of_all), region.keys - region.first, region.frames), None
     known = np.isin(np.arange(region.frames), region.keys - region.first)
-    variations = [variation_of(models)] * (config.samples - 1) if config.samples > 1 else []
+    variation = variation_of(models) if config.samples > 1 else None  # before filling: weights may lack it
     usual = _fill(skeleton, given, known, fixed, models, config)
-    others = [
-        varied_fill(
-            skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
-            points=config.points, options=FillOptions(foot_lock=config.foot_lock), fixed=fixed,
-        )
-        for number, variation in enumerate(variations, 2)
-    ]  # fmt: skip
+    fills = [usual]
+    if variation is not None:
+        fills += [
+            varied_fill(
+                skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
+                points=config.points, options=FillOptions(foot_lock=config.foot_lock), fixed=fixed,
+            )
+            for number in range(2, config.samples + 1)
+        ]  # fmt: skip
     rows = request.key_rows[region.of_all]
     made = []
-    for filled in (usual, *others):
+    for filled in fills:
         speeds = sentences_of_speed(skeleton, filled.motion, region.keys - region.first, region.first)
         data, losses = file.written(
             filled.motion, region.first, region.keys, rows, request.kept, request.frames, parts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -44,4 +45,7 @@ def distances_mm(skeleton: Skeleton, fills: Sequence[Filled], frames: np.ndarray
     """(N, N) mean distance between the body's joints of N fills, over some frames, millimetres."""
     body = skeleton.groups >= 0
     places = [positions_of(skeleton, fill.motion)[frames][:, body] for fill in fills]
-    return np.array([[1000 * np.linalg.norm(a - b, axis=-1).mean() for b in places] for a in places])
+    apart = np.zeros((len(places), len(places)))
+    for a, b in combinations(range(len(places)), 2):
+        apart[a, b] = apart[b, a] = 1000 * np.linalg.norm(places[a] - places[b], axis=-1).mean()
+    return apart

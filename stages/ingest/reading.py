@@ -115,7 +115,7 @@ def quality_of(recording: Recording) -> MotionQuality:
 
 def read_all(jobs: Sequence[Job], workers: int, cluster: str | None = None) -> Iterator[Outcome]:
     """Outcomes of all jobs, in order. `workers` processes, 0 for one per core; or the workers of a cluster."""
-    if cluster is not None:
+    if cluster is not None and jobs:
         with cluster_pool(cluster) as pool:
             yield from _read_in_cluster(jobs, pool)
         return
@@ -153,7 +153,7 @@ def _read_in_processes(jobs: Sequence[Job], count: int) -> Iterator[Outcome]:
 
 
 def _read_in_cluster(jobs: Sequence[Job], pool: Executor) -> Iterator[Outcome]:
-    """Outcomes of all jobs, in order. A batch that workers died of is read again, each job by itself."""
+    """Outcomes of all jobs, in order. The jobs of a batch that ended several workers are read again, one by one."""
     batches, same = tee(_batches(jobs))
     for batch, outcomes in zip(same, results_in_order(pool, _read_batch, batches), strict=True):
         if not isinstance(outcomes, TaskDied):

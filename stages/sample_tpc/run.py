@@ -48,9 +48,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_artefact(config.output, "tpc", stage="sample-tpc", config=config, inputs=[artefact]) as draft,
         TpcWriter(draft.folder, packed=config.pack) as writer,
     ):
-        rows = config.share_of(clips_where(reader.clips, config.where))
-        rigs = _rigs(reader, config)
-        bodies = _bodies(reader, config, rigs)
+        rows, bodies, rigs = _chosen(reader, config)
         for name, body in bodies.items():
             if not config.bake:
                 writer.add_bones(body.bones, name)
@@ -121,22 +119,20 @@ def _opened(settings: str, digest: str) -> tuple[MotionReader, Mapping[str, _Bod
     """Of a config as JSON; `digest` is that of its motion artefact."""
     config = Config.model_validate_json(settings)
     reader = MotionReader(config.motion)
-    rigs = _rigs(reader, config)
-    return reader, _bodies(reader, config, rigs), rigs
+    _, bodies, rigs = _chosen(reader, config)
+    return reader, bodies, rigs
 
 
-def _rigs(reader: MotionReader, config: Config) -> Rigs:
-    """The rigs that training clips are put on. Neither a clip nor a rig that is held out of training is used."""
+def _chosen(reader: MotionReader, config: Config) -> tuple[tuple[ClipRow, ...], dict[str, _Body], Rigs]:
+    """The clips to sample, the bodies of all skeletons that are used, and the rigs that training clips are put on."""
     chosen = clips_where(reader.clips, config.where)
+    rows = config.share_of(chosen)
+    # Neither a clip nor a rig that is held out of training is used.
     training = [row for row in chosen if row.split == "train"] if config.mixed_rigs else []
-    return rigs_of(reader, training) if training else Rigs({}, {})
-
-
-def _bodies(reader: MotionReader, config: Config, rigs: Rigs) -> dict[str, _Body]:
-    """The bone sets of all skeletons that are used. Points are drawn from the seed alone."""
-    rows = config.share_of(clips_where(reader.clips, config.where))
+    rigs = rigs_of(reader, training) if training else Rigs({}, {})
     names = sorted({*(row.skeleton for row in rows), *rigs.skeletons})
-    return {name: _Body(*bone_set(reader.skeleton(name), config.points, config.seed)) for name in names}
+    bodies = {name: _Body(*bone_set(reader.skeleton(name), config.points, config.seed)) for name in names}
+    return rows, bodies, rigs
 
 
 def _point_groups(body: _Body) -> np.ndarray:

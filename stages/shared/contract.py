@@ -40,7 +40,7 @@ class WritingConfig(StageConfig):
 
 
 class ClusterConfig(StageConfig):
-    """A stage over many files or clips, whose work the machines of a cluster may share."""
+    """A stage over many files or clips, which the machines of a cluster may do together."""
 
     cluster: str | None = Field(
         None,
@@ -83,7 +83,7 @@ class DeviceConfig(StageConfig):
 
 
 class ShardedConfig(ClusterConfig):
-    """A stage over many files or clips, which several machines may share without a cluster too."""
+    """A stage over many files or clips, of which each machine may also do one part, without a cluster."""
 
     shard: str | None = Field(
         None, description="Do one part alone, as 2/5 for the second of five; `pumps artefact merge` joins the parts."

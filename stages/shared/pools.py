@@ -2,7 +2,7 @@
 
 A task is a function that can be pickled by its name, with arguments that can be pickled. On a cluster, workers have
 the same code and see the same files under the same paths. When a worker dies, the cluster runs its tasks again on
-others; a task that several workers died of gives `TaskDied`, as one does whose process on this machine died.
+other workers. `TaskDied` stands for the result of a task that ended several workers, or its process on this machine.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def result_or_death(future: Future[_Result]) -> _Result | TaskDied:
     except BrokenProcessPool:
         return TaskDied()
     except Exception as error:
-        if type(error).__name__ == "KilledWorker":  # Dask's; workers died of the task, several times
+        if type(error).__name__ == "KilledWorker":  # Dask's: the task ended several workers
             return TaskDied()
         raise
 

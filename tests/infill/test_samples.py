@@ -81,3 +81,15 @@ def test_a_folder_gets_several_of_each_file_and_goes_on(tmp_path: Path):
     (tmp_path / "out/jump-2.bvh").unlink()
     assert run(Config(**settings, output=tmp_path / "out")).figures["kept"] == 0
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").glob("*.bvh")} == made
+
+
+def test_samples_of_a_folder_may_have_the_names_of_its_files(tmp_path: Path):
+    clips = tmp_path / "in"
+    clips.mkdir()
+    for name in ("jump.bvh", "jump-1.bvh"):  # the first one's samples are jump-1.bvh and jump-2.bvh
+        (clips / name).write_bytes(CLIP.read_bytes())
+    settings = {"input": clips, "keyframes": "0,40", "samples": 2, "device": "cpu", "jobs": 1}
+    run(Config(**settings, output=tmp_path / "out"))
+    made = {path.name: path.read_bytes() for path in (tmp_path / "out").glob("*.bvh")}
+    assert sorted(made) == ["jump-1-1.bvh", "jump-1-2.bvh", "jump-1.bvh", "jump-2.bvh"]
+    assert made["jump-1-2.bvh"] == made["jump-2.bvh"] and made["jump-1.bvh"] == made["jump-1-1.bvh"]

@@ -28,7 +28,7 @@ from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
 from stages.shared.weights.shipped import parts_of, weights_folder
 
-FRAMES_AT_ONCE = 2048  # of windows that are decoded or filled in one call
+_WINDOW_FRAMES_AT_ONCE = 2048  # of windows that are decoded or filled in one call
 _FRAMES_AT_ONCE = 512  # clouds encoded in one call: enough to be fast, few enough to stay in memory
 
 
@@ -216,7 +216,7 @@ def reach_of(spans: Sequence[Span], first: int, last: int) -> tuple[int, int]:
     return min([first, *(span.first for span in spans)]), max([last, *(span.last for span in spans)])
 
 
-def batches_of(spans: Sequence[Span], frames: int = FRAMES_AT_ONCE) -> Iterator[list[Span]]:
+def batches_of(spans: Sequence[Span], frames: int = _WINDOW_FRAMES_AT_ONCE) -> Iterator[list[Span]]:
     """Windows that read equally many frames, in batches of at most so many frames (or of one window), shortest first.
 
     Windows of one length keep their order.

@@ -7,7 +7,7 @@ body faces +Z halfway through the gap. At the relative time u of a gap, 0 at its
 
 with directions E of the latents, coefficients c of these and d of the centroid for each wave k, a factor F of few
 columns, the strongest modes of residuals, and the gap's scale s, log-linear in `GapPath.features`. What weaker modes
-add is not drawn. A gap that ends without a key has half waves, sin((k - 1/2) pi u). The residual vanishes at keys.
+add is not drawn. A gap without a key at one end has half waves, sin((k - 1/2) pi u). The residual vanishes at keys.
 `pumps weights vary` measures E, F and the weights of s.
 """
 
@@ -35,7 +35,7 @@ _DECIMALS = 5
 
 @dataclass(frozen=True)
 class GapPath:
-    """A gap as the residual sees it.
+    """What the distribution of a gap's residual depends on.
 
     times:   (n,) of its tokens, model frames.
     before:  time of the key before it; None if it begins without one.

@@ -16,11 +16,9 @@ from torch import Tensor
 from data_schemas.skeleton import Skeleton
 from stages.shared.inference.cloud_interfaces import CloudAutoencoder, Clouds, Drawing, Pair, Scene
 from stages.shared.inference.clouds import BLOCK_TOKENS, place_on_pose
-from stages.shared.inference.confidence import Confidence
 from stages.shared.inference.decoded_clouds import followed_points
 from stages.shared.inference.token_times import Tokens
 from stages.shared.inference.variation import GapPath, Variation
-from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.pointcloud.drawn_points import DrawnPoints, spread_on_skeleton
 from stages.shared.pointcloud.heading import headings_of, turned
 from stages.shared.solve.binding import bind_points
@@ -28,7 +26,7 @@ from stages.shared.solve.skeleton_pose import SkeletonPose
 
 CONTEXT = 8  # tokens on both sides of a gap that are decoded with it
 _BOUND_GAPS = 8  # whose points are bound to bones
-_NEAR = 2.0  # model frames; known tokens that are further apart tell no velocity
+_NEAR = 2.0  # model frames; known tokens that are further apart give no velocity
 _FACING = 4  # tokens on both sides of a gap's middle, over which the direction that the body faces is averaged
 
 
@@ -42,9 +40,6 @@ class VariedClouds:
     autoencoder: CloudAutoencoder
     variation: Variation
     seeds: tuple[int, ...]
-    exact: bool = False
-    glide: Glide | None = None
-    confidence: Confidence | None = None
 
     def find(self, scene: Scene, drawing: Drawing) -> Clouds:
         gaps = scene.tokens.gaps()
@@ -57,7 +52,7 @@ class VariedClouds:
             if number in kept:
                 return kept[number]
             made = self._decoded(scene, gaps[number], number, drawn, groups, noise)
-            if len(scene.times) <= BLOCK_TOKENS:
+            if len(scene.times) <= BLOCK_TOKENS:  # all gaps of a longer clip would take much memory
                 kept[number] = made
             return made
 
@@ -126,7 +121,7 @@ class GapView(NamedTuple):
 
 
 def _is_lone(tokens: Tokens, key: int, beyond: int) -> bool:
-    """Whether a key's neighbour on its other side does not tell its velocity."""
+    """Whether `beyond`, the token on a key's other side, gives no velocity: it is not known, or too far away."""
     inside = 0 <= beyond < len(tokens.times) and bool(tokens.is_key[beyond])
     return not inside or abs(float(tokens.times[beyond] - tokens.times[key])) > _NEAR
 

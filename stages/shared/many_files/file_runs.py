@@ -124,8 +124,11 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
 
 
 def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Iterator[FileRun]:
-    """Every file with its output, in the same sub-folders, with the suffix to write. Where two inputs would have one
-    output, the second one's name keeps its old suffix too. What earlier runs wrote into the folder is no input."""
+    """Every file with its output, in the same sub-folders, with the suffix to write.
+
+    Where a file would be written for two inputs, the second one's output keeps its input's suffix in its name too.
+    What earlier runs wrote into the folder is no input.
+    """
     names: dict[str, FileNames] = {}
     taken: set[Path] = set()
     text = str(config.input)  # type: ignore[attr-defined]
@@ -141,17 +144,15 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
             folders = [Path(source.archive).name.removesuffix(archive_suffix(source.archive) or ""), *folders]
         folder = out.joinpath(*(FileNames().of(part) for part in folders))
         plain = names.setdefault(str(folder), FileNames())
-        output = folder / f"{plain.of(inner.stem)}{suffix}"
-        if output in taken:
-            output = folder / f"{plain.of(inner.stem + own.replace('.', '_'))}{suffix}"
-        if output in taken:  # files of one name from different folders of a pattern
-            output = folder / f"{plain.of(source.name)}{suffix}"
-            if output in taken:
-                raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
-        files = config.outputs_of(output)
-        if not taken.isdisjoint(files):
-            raise UsageError(f"Two files would be written as {files[0]}.", "Give them one by one.")
-        taken.update((output, *files))
+        # The last name is for files of one name from different folders of a pattern.
+        for name in (inner.stem, inner.stem + own.replace(".", "_"), source.name):
+            output = folder / f"{plain.of(name)}{suffix}"
+            files = config.outputs_of(output)
+            if taken.isdisjoint(files):
+                break
+        else:
+            raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
+        taken.update(files)
         yield FileRun(source, output, files)
 
 

@@ -55,13 +55,15 @@ class SecondDerivative(NamedTuple):
 
 
 def solve_bands(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(N, F) float64 x with A x = `right` (N, F), A symmetric and positive, its diagonal and lower bands (U, N).
+    """x, float64, with A x = `right`, both (N, F) or (N,). A is symmetric and positive definite; `bands` (U, N) are
+    its diagonal and its lower bands.
 
-    LAPACK's function as SciPy's solveh_banded calls it, whose checks take longer than the solve of a short clip.
+    It calls LAPACK's function as SciPy's solveh_banded does, without the checks for NaN, which take longer than the
+    solve of a short clip.
 
-    Raises: LinAlgError if A is not positive.
+    Raises: LinAlgError if A is not positive definite.
     """
     _, found, fault = _PBSV(bands, right, lower=1)
     if fault:
-        raise np.linalg.LinAlgError(f"The matrix is not positive at row {fault}.")
+        raise np.linalg.LinAlgError(f"The matrix is not positive definite at row {fault}.")
     return found

@@ -143,9 +143,14 @@ def solve_limb(
 
 
 def _slopes(rotations: np.ndarray, arms: np.ndarray) -> np.ndarray:
-    """(T, n, 3, 3) what a turn about each axis of a joint does to the end, axis by axis; the joints have global
-    rotations (T, n, 4) and arms (T, n, 3) to the end. It is the axis in the world x the arm, component by component:
-    np.cross takes longer on short clips."""
+    """(T, n, 3, 3) d end / d turn, metres per radian: for each joint and each of its axes, the cross product of the
+    axis in the world and the arm.
+
+    Component by component, since np.cross takes longer on short clips.
+
+    Args:
+        rotations: (T, n, 4) of the joints, global. arms: (T, n, 3) from the joints to the end, metres.
+    """
     x, y, z, w = (rotations[..., part] for part in range(4))
     axes = (
         (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),

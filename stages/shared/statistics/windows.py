@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from stages.shared.statistics.tasks import INTERPOLATION, TRANSITION
+from data_schemas.clips import ClipRow
+from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.statistics.archives import archive_of
+from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
 
 LEAST_FRAMES = 46  # a clip shorter than this is not measured
 CONTEXT = 15  # known frames on each side of a transition
@@ -70,6 +73,36 @@ class Window:
     def span(self) -> slice:
         """Its frames in the clip."""
         return slice(self.start, self.start + self.frames)
+
+
+def tasks_of(
+    intervals: Sequence[int], transitions: Sequence[int], predictions: Sequence[int], window: int
+) -> list[Task]:
+    """Interpolations, then transitions, then predictions."""
+    named = ((INTERPOLATION, intervals), (TRANSITION, transitions), (PREDICTION, predictions))
+    return [Task(name, each, window) for name, numbers in named for each in numbers]
+
+
+def planned_windows(
+    clips: Sequence[ClipRow], splits: Sequence[str], tasks: Sequence[Task], limit: int, seed: int | None = None
+) -> Iterator[tuple[str, Task, Window]]:
+    """At most `limit` windows for each archive and task, of the clips of some splits.
+
+    Args:
+        seed: with one, each task has the clips in a random order of its own, so that it gets other windows.
+    """
+    archives: dict[str, list[ClipRow]] = {}
+    for row in clips:
+        if row.split in splits:
+            archives.setdefault(archive_of(row), []).append(row)
+    for archive, rows in sorted(archives.items()):
+        for number, task in enumerate(tasks):
+            ordered = rows
+            if seed is not None:
+                ordered = [rows[at] for at in np.random.default_rng([seed, number]).permutation(len(rows))]
+            windows = [clip_windows(row.clip, int(row.seconds * MODEL_FPS), task) for row in ordered]
+            for window in chosen_windows(windows, limit):
+                yield archive, task, window
 
 
 def clip_windows(clip: str, clip_frames: int, task: Task) -> list[Window]:

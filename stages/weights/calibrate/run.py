@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 
 import numpy as np
 import torch
 
-from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
@@ -32,9 +30,7 @@ from stages.shared.outputs import check_written
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solving import Corrections
-from stages.shared.statistics.archives import archive_of
-from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
-from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
+from stages.shared.statistics.windows import planned_windows, tasks_of
 from stages.shared.weights.shipped import CONFIDENCE_NAME, weights_folder
 from stages.weights.calibrate.config import Config
 from stages.weights.calibrate.fit import Sums, gain, trust_fit
@@ -53,7 +49,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     shrunk: dict[str, Sums] = {}
     with ExitStack() as opened:
         readers = [opened.enter_context(MotionReader(path)) for path in config.motion]
-        plan = [(reader, *each) for reader in readers for each in _plan(reader, config)]
+        tasks = tasks_of(config.intervals, config.transitions, config.predictions, config.window)
+        plan = [
+            (reader, *each)
+            for reader in readers
+            for each in planned_windows(reader.clips, config.splits, tasks, config.max_windows)
+        ]
         if not plan:
             raise InputError(
                 f"{', '.join(map(str, config.motion))} has no clip of the split {' or '.join(config.splits)} that is "
@@ -72,21 +73,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     path = weights_folder(config.weights) / CONFIDENCE_NAME
     write_confidence(path, Confidence(trust), {"windows": len(plan), "gains": gains})
     return _report(config, models, trust, gains, len(plan))
-
-
-def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Window]]:
-    tasks = [Task(INTERPOLATION, each, config.window) for each in config.intervals]
-    tasks += [Task(TRANSITION, each, config.window) for each in config.transitions]
-    tasks += [Task(PREDICTION, each, config.window) for each in config.predictions]
-    archives: dict[str, list[ClipRow]] = {}
-    for row in reader.clips:
-        if row.split in config.splits:
-            archives.setdefault(archive_of(row), []).append(row)
-    for archive, rows in sorted(archives.items()):
-        for task in tasks:
-            windows = [clip_windows(row.clip, int(row.seconds * MODEL_FPS), task) for row in rows]
-            for window in chosen_windows(windows, config.max_windows):
-                yield archive, task, window
 
 
 def _solved(

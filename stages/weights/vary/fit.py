@@ -32,8 +32,8 @@ class Residual:
 
 
 def fit_variation(residuals: Sequence[Residual], digest: str) -> Variation:
-    """The distribution of residuals of an encoder's latents. Gaps shorter than two tokens for each wave tell the
-    scale alone.
+    """The distribution of residuals of an encoder's latents. Gaps shorter than two tokens for each wave are used for
+    the scale alone.
 
     Raises: ValueError where no gap is long enough.
     """

@@ -9,7 +9,6 @@ from contextlib import ExitStack
 import numpy as np
 import torch
 
-from data_schemas.clips import ClipRow
 from data_schemas.errors import InputError
 from data_schemas.motion import MotionReader
 from data_schemas.skeleton import Motion, Skeleton
@@ -25,9 +24,7 @@ from stages.shared.kinematics.resampling import resample
 from stages.shared.outputs import check_written
 from stages.shared.progress import SILENT, Progress
 from stages.shared.solve.skeleton_pose import pose_of_motion
-from stages.shared.statistics.archives import archive_of
-from stages.shared.statistics.tasks import INTERPOLATION, PREDICTION, TRANSITION
-from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows
+from stages.shared.statistics.windows import planned_windows, tasks_of
 from stages.shared.weights.shipped import VARIATION_NAME, weights_folder
 from stages.weights.vary.config import Config
 from stages.weights.vary.fit import Residual, fit_variation
@@ -45,7 +42,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     licences: set[str] = set()
     with ExitStack() as opened:
         readers = [opened.enter_context(MotionReader(each)) for each in config.motion]
-        plan = [(reader, *each) for reader in readers for each in _plan(reader, config)]
+        tasks = tasks_of(config.intervals, config.transitions, config.predictions, config.window)
+        plan = [
+            (reader, *each)
+            for reader in readers
+            for each in planned_windows(reader.clips, config.splits, tasks, config.max_windows, config.seed)
+        ]
         progress.start("filling", len(plan))
         for reader, archive, task, window in plan:
             row = reader.row(window.clip)
@@ -77,23 +79,6 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 def _terms(weights: np.ndarray) -> str:
     constant, lone, length, speed = weights
     return f"{constant:.2f} {lone:+.2f} lone {length:+.2f} log length {speed:+.2f} log speed"
-
-
-def _plan(reader: MotionReader, config: Config) -> Iterator[tuple[str, Task, Window]]:
-    """The windows to fill. Each task has the clips in an order of its own, so that it gets other windows."""
-    tasks = [Task(INTERPOLATION, each, config.window) for each in config.intervals]
-    tasks += [Task(TRANSITION, each, config.window) for each in config.transitions]
-    tasks += [Task(PREDICTION, each, config.window) for each in config.predictions]
-    archives: dict[str, list[ClipRow]] = {}
-    for row in reader.clips:
-        if row.split in config.splits:
-            archives.setdefault(archive_of(row), []).append(row)
-    for archive, rows in sorted(archives.items()):
-        for number, task in enumerate(tasks):
-            order = np.random.default_rng([config.seed, number]).permutation(len(rows))
-            windows = [clip_windows(rows[i].clip, int(rows[i].seconds * MODEL_FPS), task) for i in order]
-            for window in chosen_windows(windows, config.max_windows):
-                yield archive, task, window
 
 
 def _residuals(
