@@ -99,7 +99,11 @@ class Jobs:
                 self._worker.cancel()  # before the next job begins, which waits for the lock
 
     def close(self) -> None:
-        """Run no further job."""
+        """Run no further job, and no further step of the one that runs."""
+        with self._lock:
+            for job in self._jobs.values():
+                if not job.ended:
+                    job.state = "cancelled"
         self._waiting.put(None)
 
     def _run(self) -> None:
