@@ -44,13 +44,15 @@ VERBS = {
 }
 
 
-def fill_options(settings: FillSettings) -> dict[str, Any]:
+def fill_options(settings: FillSettings, device: str) -> dict[str, Any]:
     """What `pumps infill` is given beside files and constraints; what it takes by itself is left out."""
-    given = {"weights": settings.weights, "seed": settings.seed, "foot_lock": settings.foot_lock}
+    given = {
+        "weights": settings.weights, "seed": settings.seed, "foot_lock": settings.foot_lock, "device": device,
+    }  # fmt: skip
     return _without_defaults(FILL, given)
 
 
-def verb_options(name: str, asked: Mapping[str, Any], settings: FillSettings) -> dict[str, Any]:
+def verb_options(name: str, asked: Mapping[str, Any], settings: FillSettings, device: str) -> dict[str, Any]:
     """What a verb's stage is given beside files. Raises UsageError for another verb, setting or type."""
     if name not in VERBS:
         raise UsageError(f"The studio has no button {name!r}.")
@@ -59,7 +61,8 @@ def verb_options(name: str, asked: Mapping[str, Any], settings: FillSettings) ->
         if key not in verb.options or not isinstance(value, (int, float, str)):
             raise UsageError(f"{name} takes no setting {key!r}.")
     filling = {"weights": settings.weights, "seed": settings.seed} if verb.fills else {}
-    return _without_defaults(verb.stage, {**filling, **asked})
+    where = {"device": device} if "device" in stage_named(verb.stage).config_type().model_fields else {}
+    return _without_defaults(verb.stage, {**filling, **asked, **where})
 
 
 def constraints_bytes(constraints: Constraints) -> bytes:
