@@ -1,4 +1,4 @@
-"""The page's addresses: what is asked, handed to the bench, and the answer as JSON or bytes."""
+"""The page's addresses: each request is handed to the bench and answered with JSON or bytes."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ async def _body(request: Request) -> dict[str, Any]:
 
 
 def _fault(error: Exception) -> Response:
-    """An error as one sentence. Raises what is no error of the user's or the page's, which the server logs."""
+    """The answer for an error of the user's or the page's: one sentence. Raises others, which the server logs."""
     if isinstance(error, ClientDisconnect):
         return JSONResponse({"error": "The body is too large."}, 413)
     if isinstance(error, ValidationError):

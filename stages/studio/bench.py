@@ -1,4 +1,4 @@
-"""What the page asks for, done: files opened, settings changed, motions filled and edited, results saved."""
+"""All that the page can do: open files, change settings, fill and edit motions, save results."""
 
 from __future__ import annotations
 

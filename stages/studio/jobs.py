@@ -1,4 +1,4 @@
-"""What takes longer than a request: fills and verbs, one after another, with progress, and cancelled on request."""
+"""Fills and verbs, which take longer than a request. They run one by one, show progress, and can be cancelled."""
 
 from __future__ import annotations
 

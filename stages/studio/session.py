@@ -1,4 +1,4 @@
-"""A session of the studio as it lies on disk: motions, and a history of states that undo and redo walk through."""
+"""A session of the studio as it lies on disk: its motions, and the history of states for undo and redo."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ VERBS = {
 
 
 def fill_options(settings: FillSettings, device: str) -> dict[str, Any]:
-    """What `pumps infill` is given beside files and constraints; what it takes by itself is left out."""
+    """Settings of `pumps infill` beside files and constraints, without those that have their default."""
     given = {
         "weights": settings.weights, "seed": settings.seed, "foot_lock": settings.foot_lock, "device": device,
     }  # fmt: skip

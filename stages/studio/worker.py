@@ -154,7 +154,7 @@ def _work(connection: Connection, weights: str, device: str, warm: bool) -> None
 def _warm(weights: str, device: str) -> None:
     """Fill a short clip once, so that the first fill of the user's waits for no loading.
 
-    An error is left to that fill, which tells it.
+    An error is ignored here: that fill meets it again, and reports it.
     """
     import tempfile
 

@@ -128,7 +128,7 @@ def test_the_folder_is_that_of_the_recording_though_a_name_has_a_mark(tmp_path: 
     inner = tmp_path / "a!b"
     inner.mkdir()
     shutil.copy(CLIPS / "kick.bvh", inner)
-    folder, first = _places(Config(input=inner / "kick.bvh"))
+    folder, first = _places(Config.model_validate({"input": inner / "kick.bvh"}))
     assert (folder.path, first) == (inner, "kick.bvh")
-    folder, first = _places(Config(input=inner / "kick.bvh", folder=tmp_path))
+    folder, first = _places(Config.model_validate({"input": inner / "kick.bvh", "folder": tmp_path}))
     assert (folder.path, first) == (Folder(tmp_path).path, "a!b/kick.bvh")
