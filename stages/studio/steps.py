@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from data_schemas.errors import UsageError
+from data_schemas.errors import InputError, UsageError
 from stages.registry import stage_named
 from stages.shared.inference.constraints.asked import Constraints, PartFrames
 from stages.shared.inference.constraints.frame_ranges import parse_frames
 from stages.studio.session import FillSettings, MotionRecord, Session
 
 FILL = "infill"
+_FILLING = ("weights", "seed", "foot_lock", "device")  # settings that the studio chooses for fills
 
 
 @dataclass(frozen=True)
@@ -126,11 +127,20 @@ def steps_to(session: Session, motion: str) -> list[str]:
 
 
 def command_line(record: MotionRecord, source: str, output: str, other: str = "", constraints: str = "") -> str:
-    """The line for a shell that makes a motion again from the files named."""
+    """The line for a shell that makes a motion again from the files named.
+
+    Raises: InputError for a stage or an option that the studio does not use: a session that another person wrote
+        could name an output, and replace a file where its command is run.
+    """
+    verb = next((each for each in VERBS.values() if each.stage == record.stage), None)
+    known = {*_FILLING, *(verb.options if verb is not None else ())}
+    if (verb is None and record.stage != FILL) or not record.options.keys() <= known:
+        raise InputError(
+            "The session is damaged: it holds a step that the studio does not take.", "Open the file again."
+        )
     stage = stage_named(record.stage)
     source, other = as_argument(source), as_argument(other)
     words: list[str] = ["pumps", *stage.command, source]
-    verb = next((each for each in VERBS.values() if each.stage == record.stage), None)
     if other and verb is not None:
         words += [other] if verb.other in stage.arguments else [f"--{verb.other}", other]
     if constraints:

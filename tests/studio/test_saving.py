@@ -18,6 +18,8 @@ from stages.registry import stage_named
 from stages.studio.config import Config
 from stages.studio.folder import Folder
 from stages.studio.run import _places, _weights
+from stages.studio.session import MotionRecord
+from stages.studio.steps import command_line
 from stages.studio.worker import config_of
 from tests.studio.bench_in_folder import CLIPS, TOKEN, Page, bench_in
 
@@ -132,3 +134,13 @@ def test_the_folder_is_that_of_the_recording_though_a_name_has_a_mark(tmp_path: 
     assert (folder.path, first) == (inner, "kick.bvh")
     folder, first = _places(Config.model_validate({"input": inner / "kick.bvh", "folder": tmp_path}))
     assert (folder.path, first) == (Folder(tmp_path).path, "a!b/kick.bvh")
+
+
+@pytest.mark.parametrize(
+    "changed", [{"options": {"output": "other.bvh", "overwrite": True}}, {"stage": "weights-pack"}]
+)
+def test_a_session_of_another_person_adds_no_option_to_commands(changed: dict[str, Any]) -> None:
+    record = MotionRecord(name="m", stage="infill", options={"seed": 1, "device": "cpu"}, source="m1")
+    assert command_line(record, "a.bvh", "b.bvh") == "pumps infill a.bvh --seed=1 --device=cpu -o b.bvh"
+    with pytest.raises(InputError, match="damaged"):
+        command_line(record.model_copy(update=changed), "a.bvh", "b.bvh")
