@@ -50,7 +50,7 @@ async function receive(session) {
   await Promise.all(wanted.filter((id) => !here.has(id)).map(async (id) => {
     const loaded = await Motion.load(session.id, id, pose);
     here.set(id, loaded);
-    loaded.ready.then(refresh);
+    loaded.ready.then(refresh).catch((error) => say(error.message, true));
   }));
   studio.session = session; // only when all is there that it shows
   studio.motions = here;
@@ -106,7 +106,7 @@ function watch(job) {
   watched.add(job.id);
   byId("cancel").hidden = byId("progress").hidden = false;
   const path = `sessions/${studio.session.id}/jobs/${job.id}`, began = performance.now();
-  byId("cancel").onclick = () => ask(path, "DELETE");
+  byId("cancel").onclick = () => ask(path, "DELETE").catch((error) => say(error.message, true));
   const look = async () => {
     let now;
     try { now = await ask(path); } catch (error) { now = { state: "failed", error: error.message }; }
