@@ -19,7 +19,7 @@ class Config(WritingConfig):
         " strips and spectra. Several are of other methods on the same windows.",
     )
     max_windows: int = Field(
-        2, description="Most windows of --fills to play of each archive and task, spread evenly.", ge=1
+        2, description="Most windows of --fills to play of each archive, task and interval, spread evenly.", ge=1
     )
     checkpoints: tuple[Path, ...] = Field((), description="Checkpoint artefact whose training log is plotted.")
     motions: tuple[str, ...] = Field(

@@ -45,13 +45,13 @@ class FilledWindows:
         self.artefacts, self.batches, self.fps = [each.artefact for each in self._readers], first.batches, first.fps
 
     def _check(self, reader: FillsReader) -> None:
-        first, *others = self._readers
+        first = self._readers[0]
         if [_windows_of(batch) for batch in reader.batches] != [_windows_of(batch) for batch in first.batches]:
             raise InputError(
                 f"{reader.artefact.path} measured other windows than {first.artefact.path}.",
                 "Give evaluations of the same motions, tasks, categories and max_windows.",
             )
-        for each in (first, *others)[:-1]:
+        for each in self._readers[:-1]:
             for mine, theirs in zip(reader.batches, each.batches, strict=True):
                 if twice := set(mine.methods) & set(theirs.methods) - {TRUTH}:
                     raise InputError(
@@ -73,7 +73,7 @@ class FilledWindows:
         return reader.poses(reader.batches[batch.number], method, windows)
 
     def scenes(self, most: int) -> list[dict]:
-        """At most `most` windows of each archive and task as scenes of the player, spread evenly over them."""
+        """At most `most` windows of each archive, task and interval as scenes of the player, spread evenly."""
         groups: dict[tuple[str, str, int], list[_Chosen]] = {}
         for batch in self.batches:
             members = groups.setdefault((batch.archive, batch.task, batch.interval), [])

@@ -38,8 +38,10 @@ def line_chart(
 
     def place(x: float, y: float) -> tuple[float, float]:
         across = (x - first) / (last - first)
-        up = math.log(y / ticks[0]) / math.log(ticks[-1] / ticks[0]) if logarithmic else None
-        up = (y - ticks[0]) / (ticks[-1] - ticks[0]) if up is None else up
+        if logarithmic:
+            up = math.log(y / ticks[0]) / math.log(ticks[-1] / ticks[0])
+        else:
+            up = (y - ticks[0]) / (ticks[-1] - ticks[0])
         return LEFT + (WIDTH - LEFT - RIGHT) * across, HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * up
 
     parts: list[Markup] = []

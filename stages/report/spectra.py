@@ -36,7 +36,8 @@ def spectra_html(fills: FilledWindows) -> Markup:
             name: [(float(x), float(y)) for x, y in zip(frequencies[shown], density[shown], strict=True) if y > 0]
             for name, density in densities.items()
         }
-        charts.append(line_chart(title, {name: line for name, line in lines.items() if line}, TICKS_HZ, methods))
+        if lines := {name: line for name, line in lines.items() if line}:  # windows may all be still
+            charts.append(line_chart(title, lines, TICKS_HZ, methods))
         for name in methods:
             if name in densities:
                 shares = (_share(frequencies, densities[name], densities[TRUTH], band) for band in BANDS_HZ)

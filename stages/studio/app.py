@@ -1,7 +1,8 @@
-"""The page's addresses: what is asked, handed to the bench, and the answer as JSON or bytes."""
+"""The page's addresses: each request is handed to the bench and answered with JSON or bytes."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,8 +36,8 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         return {"first": first, "weights": bench.weights, "folder": bench.folder.path.name}
 
     def opened(asked: dict[str, Any]) -> dict[str, Any]:
-        about = asked.get("session"), asked.get("revision"), bool(asked.get("aside"))
-        return bench.shown(bench.open_file(_text(asked, "file"), *about))
+        about = _place(asked) if "session" in asked else (None, None)
+        return bench.shown(bench.open_file(_text(asked, "file"), *about, bool(asked.get("aside"))))
 
     def settings(asked: dict[str, Any]) -> dict[str, Any]:
         given = _field(asked, "settings", dict)
@@ -113,7 +114,7 @@ def _route(path: str, answer: Answer, method: str = "GET") -> Route:
             return _fault(error)
         if isinstance(made, bytes):
             return Response(made, media_type="application/octet-stream")
-        return JSONResponse(made)
+        return _AsciiJson(made)
 
     return Route(path, endpoint, methods=[method])
 
@@ -133,6 +134,13 @@ def _upload(bench: Bench) -> Callable[[Request], Any]:
     return endpoint
 
 
+class _AsciiJson(JSONResponse):
+    """JSON that escapes all but ASCII, so that it can hold a name of a file that is no UTF-8."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
 async def _body(request: Request) -> dict[str, Any]:
     if request.headers.get("content-type", "").partition(";")[0] != "application/json":
         raise UsageError("The body is no JSON.")
@@ -143,7 +151,7 @@ async def _body(request: Request) -> dict[str, Any]:
 
 
 def _fault(error: Exception) -> Response:
-    """An error as one sentence. Raises what is no error of the user's or the page's, which the server logs."""
+    """The answer for an error of the user's or the page's: one sentence. Raises others, which the server logs."""
     if isinstance(error, ClientDisconnect):
         return JSONResponse({"error": "The body is too large."}, 413)
     if isinstance(error, ValidationError):
@@ -155,11 +163,11 @@ def _fault(error: Exception) -> Response:
     if not isinstance(error, PumpsError):
         raise error
     status = 409 if isinstance(error, OutOfDateError) else 404 if isinstance(error, InputError) else 400
-    return JSONResponse({"error": str(error)}, status)
+    return _AsciiJson({"error": str(error)}, status)
 
 
 def _place(asked: dict[str, Any]) -> tuple[str, int]:
-    return asked["session"], _field(asked, "revision", int)
+    return _text(asked, "session"), _field(asked, "revision", int)
 
 
 def _text(asked: dict[str, Any], name: str) -> str:

@@ -1,14 +1,14 @@
-"""What the page asks for, done: files opened, settings changed, motions filled and edited, results saved."""
+"""All that the page can do: open files, change settings, fill and edit motions, save results."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from data_schemas.errors import InputError, PumpsError, UsageError
-from data_schemas.own_folders import remove_own_folder
 from data_schemas.whole_file import write_whole
 from stages.registry import stage_named
 from stages.shared.file_names import is_file_name
@@ -37,7 +37,7 @@ class Bench:
         self._device = device
         self._worker = Worker(weights, device)
         self.jobs = Jobs(self._worker)
-        self.scene = lru_cache(maxsize=16)(self._scene)
+        self._scene_of = lru_cache(maxsize=16)(scene_of)  # the file of a motion never changes
 
     def warm(self) -> None:
         """Load the models, so that the first fill need not."""
@@ -61,6 +61,10 @@ class Bench:
             "motions": motions,
             "jobs": [job.plain() for job in self.jobs.of(session.id) if not job.ended],
         }
+
+    def scene(self, session: str, motion: str) -> Scene:
+        """What the page draws of a motion."""
+        return self._scene_of(self.sessions.bvh(self.sessions.load(session), motion))
 
     def open_file(self, name: str, session: str | None, revision: int | None, aside: bool) -> Session:
         """Open a recording of the folder, in a session or a new one. Raises InputError, UsageError.
@@ -92,7 +96,7 @@ class Bench:
         def change(old: Session) -> Session:
             return old.with_state(old.state.model_copy(update={"label": label[:80], "settings": checked}))
 
-        return self.sessions.change(session, change, revision)
+        return self.sessions.change(session, change, revision, beside_results=True)
 
     def move(self, session: str, revision: int, steps: int) -> Session:
         """Undo (-1) or redo (1)."""
@@ -132,11 +136,11 @@ class Bench:
             made = []
             for sample in range(samples):
                 settings = state.settings.model_copy(update={"seed": state.settings.seed + sample})
-                options = fill_options(settings)
+                options = fill_options(settings, self._device)
                 motion = self.sessions.take_motion_name(session)
                 asked = source.with_name(f"{motion}.json")
                 write_whole(asked, constraints_bytes(settings.constraints))
-                values = {**options, "input": source, "constraints": asked, "device": self._device}
+                values = {**options, "input": source, "constraints": asked}
                 told_here = told if samples == 1 else _counted(told, sample, samples)
                 output, lines = self._run(FILL, values, source.with_name(f"{motion}.bvh"), told_here)
                 name = f"fill {motion[1:]}: {settings.weights}" + (f", seed {settings.seed}" if settings.seed else "")
@@ -144,7 +148,7 @@ class Bench:
                     name=name, stage=FILL, options=options, constraints=settings.constraints, source=state.motion,
                     **self._length(output), told=lines,
                 )  # fmt: skip
-                self.sessions.change(session, lambda old, r=record, m=motion: _with_result(old, r, m))
+                self._keep(session, motion, record, _with_result)
                 made.append(motion)
             return {"motions": made}
 
@@ -155,15 +159,13 @@ class Bench:
         found = self.sessions.load(session)
         state = found.state
         source = self.sessions.bvh(found, state.motion)
-        options = verb_options(name, asked, state.settings)
+        options = verb_options(name, asked, state.settings, self._device)
         verb = VERBS[name]
         if bool(verb.other) != bool(other):
             raise UsageError(f"{name} {'needs' if verb.other else 'takes no'} second motion.", "Choose one.")
         values: dict[str, Any] = {**options, "input": source}
         if verb.other:
             values[verb.other] = self.sessions.bvh(found, other)
-        if "device" in stage_named(verb.stage).config_type().model_fields:
-            values["device"] = self._device
         before = found.record(state.motion)
 
         def work(told: Told) -> dict[str, Any]:
@@ -177,11 +179,10 @@ class Bench:
             if settings.constraints.keyframes is None and not settings.constraints.parts:
                 settings = settings.model_copy(update={"constraints": self._first_constraints(record)})
 
-            def change(old: Session) -> Session:
-                held = old.model_copy(update={"motions": {**old.motions, motion: record}})
+            def on_timeline(held: Session, motion: str) -> Session:
                 return held.with_state(State(label=name.capitalize(), motion=motion, settings=settings))
 
-            self.sessions.change(session, change)
+            self._keep(session, motion, record, on_timeline)
             return {"motions": [motion]}
 
         return self.jobs.add(session, work)
@@ -189,6 +190,25 @@ class Bench:
     def save(self, session: str, motion: str, name: str, overwrite: bool) -> dict[str, Any]:
         """Write a motion into the folder, with its constraints and commands."""
         return save(self.folder, self.sessions, self.sessions.load(session), motion, name, overwrite)
+
+    def _keep(
+        self, session: str, motion: str, record: MotionRecord, shown: Callable[[Session, str], Session]
+    ) -> None:
+        """Add what a job made to its session and show it there.
+
+        Raises: UsageError where the session does not hold any more what it was made from, which is then removed.
+        """
+
+        def change(old: Session) -> Session:
+            if not {record.source, record.other} <= {*old.motions, ""}:
+                raise UsageError("What it was made from was undone meanwhile.", "Do it again.")
+            return shown(old.model_copy(update={"motions": {**old.motions, motion: record}}), motion)
+
+        try:
+            self.sessions.change(session, change)
+        except PumpsError:
+            self.sessions.remove_files(session, motion)
+            raise
 
     def _run(self, stage: str, values: dict[str, Any], output: Path, told: Told) -> tuple[Path, tuple[str, ...]]:
         try:
@@ -207,12 +227,15 @@ class Bench:
         fresh = session is None
         settings = FillSettings(weights=self.weights[0], seed=0)
         found = self.sessions.create(settings) if session is None else self.sessions.load(session)
+        motion = self.sessions.take_motion_name(found.id)
         try:
-            motion = self.sessions.take_motion_name(found.id)
             bvh = self.sessions.folder(found.id) / f"{motion}.bvh"
             converted = self._write_as_bvh(data, path, name, bvh)
             shown = PurePosixPath(name.partition("!")[2] or name).name
-            record = MotionRecord(name=shown, opened=inside, converted=converted, **self._length(bvh))
+            record = MotionRecord(
+                name=shown, opened=inside, sha256=hashlib.sha256(data).hexdigest(), converted=converted,
+                **self._length(bvh),
+            )  # fmt: skip
 
             def change(old: Session) -> Session:
                 held = old.model_copy(update={"motions": {**old.motions, motion: record}})
@@ -224,7 +247,9 @@ class Bench:
             return self.sessions.change(found.id, change, None if fresh else revision)
         except BaseException:
             if fresh:
-                remove_own_folder(self.sessions.folder(found.id))
+                self.sessions.remove(found.id)
+            else:
+                self.sessions.remove_files(found.id, motion)
             raise
 
     def _write_as_bvh(self, data: bytes, path: Path | str | None, name: str, bvh: Path) -> bool:
@@ -235,31 +260,27 @@ class Bench:
         if chosen.name == "bvh":
             write_whole(bvh, data)
             return False
-        draft = None
-        if path is None:
-            draft = bvh.with_name(f"{bvh.stem}.dropped{PurePosixPath(name).suffix}")
-            write_whole(draft, data)
-        stage_named("export").runner()(config_of("export", {"input": str(path or draft), "output": bvh}))
+        draft = bvh.with_name(f"{bvh.stem}.dropped{PurePosixPath(name).suffix}")
+        try:
+            if path is None:
+                write_whole(draft, data)
+            stage_named("export").runner()(config_of("export", {"input": str(path or draft), "output": bvh}))
+        finally:
+            draft.unlink(missing_ok=True)
         return True
 
-    def _scene(self, session: str, motion: str) -> Scene:
-        return scene_of(self.sessions.bvh(self.sessions.load(session), motion))
-
     def _length(self, bvh: Path) -> dict[str, Any]:
-        found = scene_of(bvh).description
+        found = self._scene_of(bvh).description  # the page asks for it next
         return {"frames": found["frames"], "fps": found["fps"]}
 
     def _first_constraints(self, record: MotionRecord) -> Constraints:
         return Constraints(keyframes=first_keys(record.frames, record.fps))
 
 
-def _with_result(old: Session, record: MotionRecord, motion: str) -> Session:
-    """A session with one more result; unchanged where the motion that was filled is not in it any more."""
-    if record.source not in old.motions:
-        return old
-    held = old.model_copy(update={"motions": {**old.motions, motion: record}})
-    results = (*old.state.results, motion)
-    return held.with_state(old.state.model_copy(update={"label": "Filled", "results": results}))
+def _with_result(held: Session, motion: str) -> Session:
+    """A session that shows one of its motions as one more result."""
+    results = (*held.state.results, motion)
+    return held.with_state(held.state.model_copy(update={"label": "Filled", "results": results}))
 
 
 def _counted(told: Told, number: int, count: int) -> Told:

@@ -64,10 +64,10 @@ class Folder:
         found: list[str] = []
         for root, folders, files in os.walk(self.path):
             here = Path(root).relative_to(self.path)
-            folders[:] = sorted(each for each in folders if not each.startswith("."))
+            folders[:] = sorted(each for each in folders if not each.startswith(".") and _is_unicode(each))
             if len(here.parts) >= _DEEPEST:
                 folders.clear()
-            for name in sorted(files):
+            for name in sorted(filter(_is_unicode, files)):
                 relative = (here / name).as_posix()
                 if len(found) >= _MOST_FILES:
                     return found
@@ -85,10 +85,13 @@ class Folder:
 
     def _members(self, archive: str, wanted: tuple[str, ...]) -> list[str]:
         try:
-            names = [each.name for each in members_of(str(self._inside(archive)))]
+            path = self._inside(archive)
+            if not path.is_file():
+                return []  # reading a pipe would wait for its writer
+            names = [each.name for each in members_of(str(path))]
         except InputError:
             return []  # damaged
-        return sorted(name for name in names if name.lower().endswith(wanted))[:_MOST_FILES]
+        return sorted(name for name in names if name.lower().endswith(wanted) and _is_unicode(name))[:_MOST_FILES]
 
     def _inside(self, name: str) -> Path:
         try:
@@ -98,3 +101,12 @@ class Folder:
         if not path.is_relative_to(self.path):
             raise InputError(f"{name} leads out of the folder of the studio.", "Choose a file of the list.")
         return path
+
+
+def _is_unicode(name: str) -> bool:
+    """Whether a name can be sent to the page: the bytes of a name on the disk may be no UTF-8."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

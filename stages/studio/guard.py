@@ -1,4 +1,4 @@
-"""What every request of the page must show, and what every answer carries.
+"""Checks of every request, and headers of every answer.
 
 The server listens on the loopback interface, which any program and any web page on the machine can reach. Four rules
 keep them out: the address holds a random token; the Host header names this server, so that another name that leads
@@ -35,12 +35,12 @@ _HEADERS = [
 
 
 def new_token() -> str:
-    """A word that nobody guesses."""
+    """A random text of 32 characters (192 bits)."""
     return secrets.token_urlsafe(24)
 
 
 class Guard:
-    """An ASGI application that hands on what may pass, with the token taken from the path."""
+    """An ASGI application that hands allowed requests on, with the token taken from the path."""
 
     def __init__(self, app: App, token: str, port: int) -> None:
         self._app, self._token = app, token

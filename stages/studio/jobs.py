@@ -1,4 +1,4 @@
-"""What takes longer than a request: fills and verbs, one after another, with progress, and cancelled on request."""
+"""Fills and verbs, which take longer than a request. They run one by one, show progress, and can be cancelled."""
 
 from __future__ import annotations
 
@@ -99,7 +99,11 @@ class Jobs:
                 self._worker.cancel()  # before the next job begins, which waits for the lock
 
     def close(self) -> None:
-        """Run no further job."""
+        """Run no further job, and no further step of the one that runs."""
+        with self._lock:
+            for job in self._jobs.values():
+                if not job.ended:
+                    job.state = "cancelled"
         self._waiting.put(None)
 
     def _run(self) -> None:

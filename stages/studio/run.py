@@ -12,7 +12,7 @@ from typing import Any
 from data_schemas.errors import PumpsError, UsageError
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.shipped import weights_folder
+from stages.shared.weights.shipped import SHIPPED, weights_folder
 from stages.studio.config import Config
 from stages.studio.folder import SESSIONS, Folder
 
@@ -30,26 +30,32 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "The studio needs Starlette and uvicorn.", "Install them with `pip install 'pumps[studio]'`."
         )
     folder, first = _places(config)
-    weights_folder(config.weights)
+    weights = _weights(config.weights)
     with _listening(config.port) as listening:
         port = listening.getsockname()[1]
-        _serve(config, folder, first, listening, port, progress)
+        _serve(config, weights, folder, first, listening, port, progress)
     lines = [f"The studio is closed. Its sessions are in {folder.path / SESSIONS}."]
     return StageReport(lines=lines, figures={"port": port})
 
 
 def _places(config: Config) -> tuple[Folder, str]:
     """The folder, and the recording's name in it."""
-    archive = str(config.input).partition("!")[0] if config.input is not None else ""
-    folder = Folder(config.folder or (Path(archive).resolve().parent if archive else Path()))
     if config.input is None:
-        return folder, ""
+        return Folder(config.folder or Path()), ""
+    archive = str(config.input) if config.input.exists() else str(config.input).partition("!")[0]
     given = Path(archive).resolve()
+    folder = Folder(config.folder or given.parent)
     if not given.is_relative_to(folder.path):
         raise UsageError(f"{config.input} is not in {folder.path}.", "Name a --folder that holds it.")
     name = given.relative_to(folder.path).as_posix() + str(config.input)[len(archive) :]
     folder.recording(name)
     return folder, name
+
+
+def _weights(named: str) -> str:
+    """Weights by their shipped name, or by their whole path, so that saved commands find them from the folder."""
+    found = weights_folder(named)
+    return named if found == SHIPPED / named else str(found.resolve())
 
 
 def _listening(port: int) -> socket.socket:
@@ -64,7 +70,13 @@ def _listening(port: int) -> socket.socket:
 
 
 def _serve(
-    config: Config, folder: Folder, first: str, listening: socket.socket, port: int, progress: Progress
+    config: Config,
+    weights: str,
+    folder: Folder,
+    first: str,
+    listening: socket.socket,
+    port: int,
+    progress: Progress,
 ) -> None:
     import uvicorn
 
@@ -73,7 +85,7 @@ def _serve(
     from stages.studio.guard import new_token
 
     token = new_token()
-    bench = Bench(folder, config.weights, config.device)
+    bench = Bench(folder, weights, config.device)
     bench.warm()
     settings: dict[str, Any] = {
         "log_level": "warning", "access_log": False, "server_header": False, "lifespan": "off", "ws": "none",

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
+from pathlib import Path
 from typing import Any
 
-from data_schemas.errors import UsageError
+from data_schemas.errors import InputError, UsageError
 from data_schemas.whole_file import write_whole
 from stages.registry import stage_named
+from stages.shared.formats.sources import source_named
+from stages.shared.outputs import paths_in
 from stages.studio.folder import SESSIONS, Folder
-from stages.studio.session import Session, Sessions
+from stages.studio.session import MotionRecord, Session, Sessions
 from stages.studio.steps import FILL, as_argument, command_line, constraints_bytes, steps_to
 from stages.studio.worker import config_of
 
@@ -20,47 +24,43 @@ def save(
     """Write a motion of a session into the folder.
 
     Beside NAME.bvh, NAME.json has the constraints of its last fill, and NAME.sh every command from the recording to
-    it, where there are any. The BVH has the bytes that these commands write.
+    it, where there are any. Every file has the bytes that these commands write.
 
     Args:
-        name: of the file; its suffix says the format.
+        name: of the file; its suffix says the format, and is written in lower case.
         overwrite: whether files of these names may be replaced.
 
     Returns: files (names) and commands (lines).
     Raises: UsageError for a name that is not possible or taken.
     """
-    target = folder.new_file(name, overwrite)
-    stem, suffix = target.stem, target.suffix.lower()
+    stem, suffix = Path(name).stem, Path(name).suffix.lower()
     if suffix in (".json", ".sh"):
         raise UsageError(f"{name} has a suffix for constraints and commands.", "Give it .bvh or .glb, for example.")
-    bvh = sessions.bvh(session, motion)
-    lines, constraints = _commands(session, motion, stem)
-    opened = [record.opened for record in session.motions.values() if record.opened]
-    written = [name, *constraints]
+    folder.new_file(name, overwrite)
+    target = f"{stem}{suffix}"
+    lines, constraints, made = _commands(folder, session, motion, stem)
+    written = {f"{stem}.bvh": sessions.bvh(session, motion).read_bytes()} if lines or suffix == ".bvh" else {}
+    written |= constraints
     if suffix != ".bvh":
-        lines.append(shlex.join(["pumps", "export", f"{stem}.bvh", "-o", name]) if lines else "")
-        written.append(f"{stem}.bvh")
-    lines = [line for line in lines if line]
+        lines.append(shlex.join(["pumps", "export", as_argument(made), "-o", target]))
     if lines:
-        written.append(f"{stem}.sh")
-    for each in written:
+        written[f"{stem}.sh"] = _script(lines)
+    names = list(dict.fromkeys([target, *written]))
+    opened = [folder.path / path for record in session.motions.values() for path in paths_in(record.opened)]
+    for each in names:
         path = folder.new_file(each, overwrite)
-        if any((folder.path / other.partition("!")[0]).resolve() == path for other in opened):
+        if path.exists() and any(other.exists() and path.samefile(other) for other in opened):
             raise UsageError(f"{each} is a recording that this session reads.", "Choose another name.")
-    write_whole(folder.path / f"{stem}.bvh", bvh.read_bytes())
-    if suffix != ".bvh":
-        export = stage_named("export")
-        values = {"input": str(bvh), "output": target, "overwrite": overwrite}
-        export.runner()(config_of("export", values))
-    for each, data in constraints.items():
+    for each, data in written.items():
         write_whole(folder.path / each, data)
-    if lines:
-        write_whole(folder.path / f"{stem}.sh", _script(lines))
-    return {"files": written, "commands": lines}
+    if suffix != ".bvh":  # of the file that the command reads, as some formats hold the name of the clip
+        values = {"input": str(folder.path / made), "output": folder.path / target, "overwrite": overwrite}
+        stage_named("export").runner()(config_of("export", values))
+    return {"files": names, "commands": lines}
 
 
-def _commands(session: Session, motion: str, stem: str) -> tuple[list[str], dict[str, bytes]]:
-    """The commands to a motion, run in the folder, and the files of constraints that they read."""
+def _commands(folder: Folder, session: Session, motion: str, stem: str) -> tuple[list[str], dict[str, bytes], str]:
+    """The commands to a motion, run in the folder; the files of constraints that they read; the BVH they end with."""
     order = steps_to(session, motion)
     lines: list[str] = []
     files: dict[str, bytes] = {}
@@ -68,21 +68,35 @@ def _commands(session: Session, motion: str, stem: str) -> tuple[list[str], dict
     for number, each in enumerate(order, 1):
         record = session.record(each)
         output = f"{stem}.bvh" if each == motion else f"{stem}.step{number}.bvh"
+        if not record.stage and not _is_there(folder, record):
+            names[each] = f"{SESSIONS}/{session.id}/{each}.bvh"
+            continue
+        if not record.stage and not record.converted:
+            names[each] = record.opened
+            continue
+        names[each] = output
         if not record.stage:
-            names[each] = record.opened if record.opened and not record.converted else output
-            if record.converted and record.opened:
-                lines.append(shlex.join(["pumps", "export", as_argument(record.opened), "-o", output]))
-            elif not record.opened:  # it was dropped on the page, and lies with the session alone
-                names[each] = f"{SESSIONS}/{session.id}/{each}.bvh"
+            lines.append(shlex.join(["pumps", "export", as_argument(record.opened), "-o", output]))
             continue
         constraints = ""
         if record.stage == FILL and record.constraints is not None:
             constraints = f"{stem}.json" if each == motion else f"{stem}.step{number}.json"
             files[constraints] = constraints_bytes(record.constraints)
-        names[each] = output
         other = names.get(record.other, "")
         lines.append(command_line(record, names[record.source], output, other, constraints))
-    return lines, files
+    return lines, files, names[motion]
+
+
+def _is_there(folder: Folder, record: MotionRecord) -> bool:
+    """Whether the folder holds a recording as it was when it was opened; one that was dropped on the page it never
+    holds. Of any other, the session alone has a copy."""
+    if not record.opened:
+        return False
+    try:
+        data = source_named(str(folder.recording(record.opened))).read()
+    except InputError:
+        return False
+    return hashlib.sha256(data).hexdigest() == record.sha256
 
 
 def _script(lines: list[str]) -> bytes:

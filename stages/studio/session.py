@@ -1,4 +1,4 @@
-"""A session of the studio as it lies on disk: motions, and a history of states that undo and redo walk through."""
+"""A session of the studio as it lies on disk: its motions, and the history of states for undo and redo."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from data_schemas.errors import InputError, UsageError
-from data_schemas.own_folders import make_own_folder
+from data_schemas.own_folders import make_own_folder, remove_own_folder
 from data_schemas.whole_file import write_whole
 from stages.shared.contract import StageConfig
 from stages.shared.inference.constraints.asked import Constraints
 
-MOST_STATES = 200  # that undo can go back
+MOST_CHANGES = 200  # that undo can go back
 _FILE = "session.json"
 _ID = re.compile(r"[0-9a-f]{16}")
 _MOTION = re.compile(r"m[0-9]{1,9}")
@@ -38,8 +38,8 @@ class MotionRecord(StageConfig):
 
     name: what the page calls it. stage: the stage that made it, "" for a recording that was opened.
     options, constraints: what that stage was given, besides files. source, other: the motions that it read.
-    opened: the recording's name in the folder, or "" where it was dropped on the page. converted: whether it was no
-        BVH, so that `pumps export` made one of it.
+    opened: the recording's name in the folder, or "" where it was dropped on the page. sha256: of its bytes, in
+        hexadecimal digits. converted: whether it had another format, so that `pumps export` made a BVH of it.
     told: what the stage said, a line each.
     """
 
@@ -50,6 +50,7 @@ class MotionRecord(StageConfig):
     source: str = ""
     other: str = ""
     opened: str = ""
+    sha256: str = ""
     converted: bool = False
     frames: int = 0
     fps: float = 0.0
@@ -70,11 +71,16 @@ class State(StageConfig):
 
 
 class Session(StageConfig):
-    """All of a session. revision: grows with every change, so that a page can see that it is out of date."""
+    """All of a session.
+
+    revision: grows with every change, so that a page can see that it is out of date. settled: the revision at which
+    the motion on the timeline or the settings changed last; later changes are results of fills alone.
+    """
 
     version: Literal[1] = 1
     id: str
     revision: int = 0
+    settled: int = 0
     next_motion: int = 1
     cursor: int = 0
     history: tuple[State, ...] = Field(min_length=1)
@@ -87,7 +93,7 @@ class Session(StageConfig):
 
     def with_state(self, state: State) -> Session:
         """After one more change; what was undone is dropped, and so are motions that no state needs any more."""
-        history = (*self.history[: self.cursor + 1], state)[-MOST_STATES:]
+        history = (*self.history[: self.cursor + 1], state)[-MOST_CHANGES - 1 :]
         changed = self.model_copy(update={"history": history, "cursor": len(history) - 1})
         return changed.model_copy(
             update={"motions": {k: v for k, v in self.motions.items() if k in changed.needed()}}
@@ -129,20 +135,29 @@ class Sessions:
 
     def folder(self, name: str) -> Path:
         """The folder of a session's files. Raises InputError for a name that is none of a session."""
-        if not _ID.fullmatch(name):
+        if not _ID.fullmatch(name) or (self._folder / name).is_symlink():  # a link may lead out of the folder
             raise InputError("There is no such session.", "Open a file to begin one.")
         return self._folder / name
 
     def bvh(self, session: Session, motion: str) -> Path:
-        """The BVH of a motion. Raises InputError for a motion that the session does not hold."""
+        """The BVH of a motion. Raises InputError for a motion that the session does not hold, or a link."""
         session.record(motion)
-        return self.folder(session.id) / f"{motion}.bvh"
+        path = self.folder(session.id) / f"{motion}.bvh"
+        if path.is_symlink():
+            raise InputError(f"{path.name} of the session is a link, which may lead out of the folder.")
+        return path
 
     def create(self, settings: FillSettings) -> Session:
         """A new, empty session."""
         session = Session(id=secrets.token_hex(8), history=(State(label="Began", settings=settings),))
         make_own_folder(self.folder(session.id))
         return self._store(session)
+
+    def remove(self, name: str) -> None:
+        """Remove a session with its files."""
+        with self._lock:
+            self._known.pop(name, None)
+            remove_own_folder(self.folder(name))
 
     def load(self, name: str) -> Session:
         """Raises InputError where there is none, or its file is damaged."""
@@ -161,24 +176,40 @@ class Sessions:
                 self._known[name] = session
             return self._known[name]
 
-    def change(self, name: str, change: Callable[[Session], Session], revision: int | None = None) -> Session:
+    def change(
+        self,
+        name: str,
+        change: Callable[[Session], Session],
+        revision: int | None = None,
+        *,
+        beside_results: bool = False,
+    ) -> Session:
         """The session after a change.
 
         Args:
-            revision: what the page believes is the session's; None for changes that fit any.
+            revision: the session's as the page knows it; None for changes that fit any.
+            beside_results: whether the change also fits where fills have added results since that revision.
 
         Raises: UsageError where another page has changed the session since.
         """
         with self._lock:
             session = self.load(name)
-            if revision is not None and revision != session.revision:
+            oldest = session.settled if beside_results else session.revision
+            if revision is not None and not oldest <= revision <= session.revision:
                 raise OutOfDateError("Another page changed this session.", "The page shows it as it is now.")
             changed = change(session)
-            stored = self._store(changed.model_copy(update={"revision": session.revision + 1}))
+            now, before, next_revision = changed.state, session.state, session.revision + 1
+            same = (now.motion, now.settings) == (before.motion, before.settings)
+            settled = session.settled if same else next_revision
+            stored = self._store(changed.model_copy(update={"revision": next_revision, "settled": settled}))
             for motion in session.motions.keys() - stored.motions.keys():
-                for path in self.folder(name).glob(f"{motion}.*"):
-                    path.unlink(missing_ok=True)
+                self.remove_files(name, motion)
             return stored
+
+    def remove_files(self, name: str, motion: str) -> None:
+        """Remove the files of a motion that the session does not hold."""
+        for path in self.folder(name).glob(f"{motion}.*"):
+            path.unlink(missing_ok=True)
 
     def take_motion_name(self, name: str) -> str:
         """An id for a motion that is being made, which no other gets."""

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from data_schemas.errors import UsageError
+from data_schemas.errors import InputError, UsageError
 from stages.registry import stage_named
 from stages.shared.inference.constraints.asked import Constraints, PartFrames
 from stages.shared.inference.constraints.frame_ranges import parse_frames
 from stages.studio.session import FillSettings, MotionRecord, Session
 
 FILL = "infill"
+_FILLING = ("weights", "seed", "foot_lock", "device")  # settings that the studio chooses for fills
 
 
 @dataclass(frozen=True)
@@ -44,13 +45,15 @@ VERBS = {
 }
 
 
-def fill_options(settings: FillSettings) -> dict[str, Any]:
-    """What `pumps infill` is given beside files and constraints; what it takes by itself is left out."""
-    given = {"weights": settings.weights, "seed": settings.seed, "foot_lock": settings.foot_lock}
+def fill_options(settings: FillSettings, device: str) -> dict[str, Any]:
+    """Settings of `pumps infill` beside files and constraints, without those that have their default."""
+    given = {
+        "weights": settings.weights, "seed": settings.seed, "foot_lock": settings.foot_lock, "device": device,
+    }  # fmt: skip
     return _without_defaults(FILL, given)
 
 
-def verb_options(name: str, asked: Mapping[str, Any], settings: FillSettings) -> dict[str, Any]:
+def verb_options(name: str, asked: Mapping[str, Any], settings: FillSettings, device: str) -> dict[str, Any]:
     """What a verb's stage is given beside files. Raises UsageError for another verb, setting or type."""
     if name not in VERBS:
         raise UsageError(f"The studio has no button {name!r}.")
@@ -59,7 +62,8 @@ def verb_options(name: str, asked: Mapping[str, Any], settings: FillSettings) ->
         if key not in verb.options or not isinstance(value, (int, float, str)):
             raise UsageError(f"{name} takes no setting {key!r}.")
     filling = {"weights": settings.weights, "seed": settings.seed} if verb.fills else {}
-    return _without_defaults(verb.stage, {**filling, **asked})
+    where = {"device": device} if "device" in stage_named(verb.stage).config_type().model_fields else {}
+    return _without_defaults(verb.stage, {**filling, **asked, **where})
 
 
 def constraints_bytes(constraints: Constraints) -> bytes:
@@ -123,11 +127,20 @@ def steps_to(session: Session, motion: str) -> list[str]:
 
 
 def command_line(record: MotionRecord, source: str, output: str, other: str = "", constraints: str = "") -> str:
-    """The line for a shell that makes a motion again from the files named."""
+    """The line for a shell that makes a motion again from the files named.
+
+    Raises: InputError for a stage or an option that the studio does not use: a session that another person wrote
+        could name an output, and replace a file where its command is run.
+    """
+    verb = next((each for each in VERBS.values() if each.stage == record.stage), None)
+    known = {*_FILLING, *(verb.options if verb is not None else ())}
+    if (verb is None and record.stage != FILL) or not record.options.keys() <= known:
+        raise InputError(
+            "The session is damaged: it holds a step that the studio does not take.", "Open the file again."
+        )
     stage = stage_named(record.stage)
     source, other = as_argument(source), as_argument(other)
     words: list[str] = ["pumps", *stage.command, source]
-    verb = next((each for each in VERBS.values() if each.stage == record.stage), None)
     if other and verb is not None:
         words += [other] if verb.other in stage.arguments else [f"--{verb.other}", other]
     if constraints:

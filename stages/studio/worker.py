@@ -50,7 +50,7 @@ class Worker:
     def run(self, stage: str, values: dict[str, Any], told: Told) -> StageReport:
         """Run a stage and wait for it.
 
-        Raises: PumpsError as the stage does; CancelledError where `cancel` was called meanwhile.
+        Raises: PumpsError as the stage does; CancelledError where `cancel` was called meanwhile, or by `told`.
         """
         with self._lock:
             if self._process is None or not self._process.is_alive():
@@ -68,6 +68,11 @@ class Worker:
                     return StageReport.model_validate(rest[0])
                 else:
                     raise _KINDS.get(rest[0], PumpsError)(rest[1], rest[2])
+        except CancelledError:  # by `told`: what the process still sends must not answer the next call
+            with self._lock:
+                if self._process is process:
+                    self._end()
+            raise
         except (EOFError, OSError):
             process.join()
             if self._cancelled:
@@ -149,7 +154,7 @@ def _work(connection: Connection, weights: str, device: str, warm: bool) -> None
 def _warm(weights: str, device: str) -> None:
     """Fill a short clip once, so that the first fill of the user's waits for no loading.
 
-    An error is left to that fill, which tells it.
+    An error is ignored here: that fill meets it again, and reports it.
     """
     import tempfile
 

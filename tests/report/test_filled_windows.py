@@ -105,3 +105,18 @@ def test_other_windows_methods_that_come_twice_and_bare_evaluations_are_refused(
     with pytest.raises(UsageError, match="nothing to report"):
         run(Config(output=tmp_path / "page.html"))
     assert not (tmp_path / "page.html").exists()
+
+
+def test_windows_in_which_nothing_moves_have_a_page(tmp_path: Path):
+    with write_artefact(tmp_path / "still", "metrics", stage="evaluate", config={}) as draft:
+        write_metrics(draft.folder, [], "# It\n")
+        with FillsWriter(draft.folder, 30.0) as fills:
+            one = Poses.of(RIG, [swaying(0, 1)])
+            positions, rotations = (np.repeat(part.numpy(), 61, axis=1) for part in (one.positions, one.rotations))
+            known = TASKS[0].known(61)
+            fills.begin(FilledBatch(0, "set", "interpolation", 15, "", ("a",), (0,), known), RIG, positions[:, 0, 1])
+            for method in (TRUTH, "slerp"):
+                fills.add(method, positions, rotations)
+    run(Config(fills=(tmp_path / "still",), output=tmp_path / "page.html"))
+    _, scenes, text = parsed(tmp_path / "page.html")
+    assert len(scenes) == 1 and '<section id="spectra"' in text

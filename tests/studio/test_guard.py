@@ -131,10 +131,31 @@ def test_other_names_are_no_sessions(page: Page, session: str) -> None:
     assert page.client.get(f"/{TOKEN}/api/sessions/{session}").status_code == 404
 
 
-@pytest.mark.parametrize("body", [{}, {"file": 3}, {"file": "kick.bvh", "session": "nothing"}, [], "text", None])
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"file": 3},
+        {"file": "kick.bvh", "session": "nothing"},
+        {"file": "kick.bvh", "session": [], "revision": 1},
+        [],
+        "text",
+        None,
+    ],
+)
 def test_odd_requests_are_one_sentence(page: Page, body: object) -> None:
     answer = page.client.post(f"/{TOKEN}/api/open", json=body)
     assert answer.status_code in (400, 404) and answer.json()["error"].endswith((".", "begin one."))
+
+
+def test_odd_names_and_pipes_do_not_end_the_list(page: Page) -> None:
+    folder = page.bench.folder.path
+    (folder / os.fsdecode(b"odd\xff.bvh")).write_bytes((CLIPS / "kick.bvh").read_bytes())
+    os.mkfifo(folder / "pipe.zip")
+    assert "kick.bvh" in page.ask("files") and not any("odd" in name for name in page.ask("files"))
+    send = {"content-type": "application/json"}
+    told = page.client.post(f"/{TOKEN}/api/open", content=rb'{"file": "none\udcff.bvh"}', headers=send)
+    assert told.status_code == 404 and told.json()["error"].startswith("none\udcff.bvh")
 
 
 def test_a_verb_takes_no_path_and_no_setting_of_another(page: Page) -> None:

@@ -149,8 +149,8 @@ def test_a_walk_through_the_page(browser: Any, tmp_path: Path) -> None:
         page.close()
     saved = (folder / "filled.bvh").read_bytes()
     (folder / "filled.bvh").unlink()
-    assert commands == ["pumps infill walk.bvh --constraints filled.json -o filled.bvh"]
-    words = [sys.executable, "-m", "pumps_cli", *shlex.split(commands[0])[1:], "--device", "cpu", "--quiet"]
+    assert commands == ["pumps infill walk.bvh --constraints filled.json --device=cpu -o filled.bvh"]
+    words = [sys.executable, "-m", "pumps_cli", *shlex.split(commands[0])[1:], "--quiet"]
     subprocess.run(words, cwd=folder, check=True, env=_ENVIRONMENT)
     assert (folder / "filled.bvh").read_bytes() == saved
     assert not wrong

@@ -16,11 +16,14 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("httpx2")
 
-from data_schemas.errors import InputError
+from data_schemas.errors import InputError, UsageError
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.kinematics.forward_numpy import positions_of
-from stages.studio.session import FillSettings, Sessions
+from stages.shared.weights.shipped import default_weights
+from stages.studio.bench import _with_result
+from stages.studio.session import MOST_CHANGES, FillSettings, MotionRecord, Session, Sessions, State
+from stages.studio.worker import CancelledError, Worker
 from tests.studio.bench_in_folder import CLIPS, TOKEN, Page, bench_in
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,7 +99,7 @@ def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(page: Page
     assert made["files"] == ["saved.bvh", "saved.json", "saved.sh"]
     assert made["commands"] == [
         "pumps edit trim kick.bvh --frames=3:40 -o saved.step2.bvh",
-        "pumps infill saved.step2.bvh --constraints saved.json --seed=1 -o saved.bvh",
+        "pumps infill saved.step2.bvh --constraints saved.json --seed=1 --device=cpu -o saved.bvh",
     ]
     saved = (folder / "saved.bvh").read_bytes()
     (folder / "saved.bvh").unlink()
@@ -139,9 +142,80 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
             Sessions(bench.folder.sessions()).load(session["id"])
 
 
+def with_motion(session: Session, motion: str, source: str = "") -> Session:
+    """The session gone on with a motion of its own, which a stage made."""
+    record = MotionRecord(name=motion, stage="edit-mirror", source=source)
+    held = session.model_copy(update={"motions": {**session.motions, motion: record}})
+    return held.with_state(held.state.model_copy(update={"label": motion, "motion": motion}))
+
+
 def test_undone_work_is_removed_when_something_else_is_done(tmp_path: Path) -> None:
     sessions = Sessions(tmp_path)
     session = sessions.create(FillSettings(weights="small-free", seed=0))
-    assert sessions.load(session.id) == session
-    with pytest.raises(InputError, match="no such session"):
-        sessions.folder("../" + session.id)
+    for motion in ("m1", "m2"):
+        session = sessions.change(session.id, lambda old, m=motion: with_motion(old, m))
+        sessions.bvh(session, motion).write_text("motion")
+    undone = sessions.change(session.id, lambda old: old.moved(-1))
+    assert sessions.bvh(undone, "m2").exists(), "it can be redone"
+    session = sessions.change(session.id, lambda old: with_motion(old, "m3", source="m1"))
+    assert set(session.motions) == {"m1", "m3"}
+    assert sorted(path.name for path in sessions.folder(session.id).glob("m*")) == ["m1.bvh"]
+
+
+def test_as_many_changes_are_undone_as_the_bound_says() -> None:
+    session = Session(id="0" * 16, history=(State(label="Began", settings=FillSettings(weights="w", seed=0)),))
+    for number in range(MOST_CHANGES + 5):
+        session = session.with_state(session.state.model_copy(update={"label": str(number)}))
+    session = session.moved(-MOST_CHANGES)
+    assert session.state.label == "4"
+    with pytest.raises(UsageError, match="nothing to undo"):
+        session.moved(-1)
+
+
+def test_links_in_a_session_are_not_followed(tmp_path: Path) -> None:
+    sessions = Sessions(tmp_path / "sessions")
+    session = sessions.create(FillSettings(weights="small-free", seed=0))
+    session = sessions.change(session.id, lambda old: with_motion(old, "m1"))
+    (tmp_path / "secret").write_text("secret")
+    (sessions.folder(session.id) / "m1.bvh").symlink_to(tmp_path / "secret")
+    with pytest.raises(InputError, match="is a link"):
+        sessions.bvh(session, "m1")
+    (tmp_path / "sessions" / ("f" * 16)).symlink_to(sessions.folder(session.id))
+    for name in ("f" * 16, "../" + session.id):
+        with pytest.raises(InputError, match="no such session"):
+            sessions.load(name)
+
+
+def test_a_result_leaves_the_settings_of_a_page_current(tmp_path: Path) -> None:
+    """A page may change settings while a fill adds results; it may not undo what it has not seen."""
+    with bench_in(tmp_path / "folder", "kick") as bench:
+        page = Page(bench)
+        seen = page.ask("open", "POST", {"file": "kick.bvh"})
+        base = seen["state"]["motion"]
+        record = MotionRecord(name="fill", stage="infill", source=base)
+        bench._keep(seen["id"], "m2", record, _with_result)
+        page.post(seen, "history", 409, move="undo")
+        changed = page.settings(seen, keyframes="0,9")
+        assert changed["state"]["results"] == ["m2"]
+        page.settings(seen, 409, keyframes="0,12")
+        (bench.sessions.folder(seen["id"]) / "m3.bvh").write_text("made")
+        lost = record.model_copy(update={"source": "m99"})
+        with pytest.raises(UsageError, match="undone meanwhile"):
+            bench._keep(seen["id"], "m3", lost, _with_result)
+        assert "m3" not in page.session(seen)["motions"]
+        assert not list(bench.sessions.folder(seen["id"]).glob("m3*"))
+
+
+def test_what_a_cancelled_stage_still_sends_answers_no_later_call(tmp_path: Path) -> None:
+    def cancelled(label: str, done: float, total: float) -> None:
+        raise CancelledError
+
+    worker = Worker(default_weights(), "cpu")
+    clip = {"input": str(CLIPS / "kick.bvh")}
+    try:
+        with pytest.raises(CancelledError):
+            worker.run("export", {**clip, "output": tmp_path / "first.csv"}, cancelled)
+        report = worker.run("export", {**clip, "output": tmp_path / "next.csv"}, lambda *_: None)
+        assert report.output == tmp_path / "next.csv" and (tmp_path / "next.csv").exists()
+    finally:
+        worker.close()

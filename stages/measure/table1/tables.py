@@ -59,14 +59,31 @@ def paper_shares(task: str) -> str:
     return "\n".join(Table(("method",), heads, tuple(made)).markdown()) + "\n"
 
 
-def beside_best(
-    joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int, scope: str, metrics: Sequence[str] = NINE
-) -> Table:
+def beside_best(joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int, scope: str) -> Table:
     """Each of our methods beside the best other one of every column: the ratio of their means over the same clips,
     its 95 % bootstrap interval, and the p of Wilcoxon's signed-rank test on the clips' differences.
 
     scope: the archive or category whose clips are compared, or all of them together.
     """
+    rows = _beside_best_rows(joined, found, ours, seed, scope, NINE)
+    return Table(("task", "figure", "best other"), tuple(ours), without_repeats(rows))
+
+
+def beside_best_by_category(joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int) -> Table | None:
+    """The same of L2P in every category, with its number of clips; None if there is one category alone."""
+    rows = []
+    for scope in scopes_of(found)[:-1]:
+        clips = len({row.clip for row in joined.rows if row.archive == scope})
+        label = f"{scope} ({counted(clips, 'clip')})"
+        made = _beside_best_rows(joined, found, ours, seed, scope, NINE[:1])
+        rows += [Row((label, *row.labels), row.entries) for row in made]
+    heads = ("data", "task", "figure", "best other")
+    return Table(heads, tuple(ours), without_repeats(rows)) if rows else None
+
+
+def _beside_best_rows(
+    joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int, scope: str, metrics: Sequence[str]
+) -> list[Row]:
     rows = []
     measured = [row for row in joined.rows if scope in (ALL, row.archive)]
     for task in in_order(found, 1):
@@ -83,22 +100,7 @@ def beside_best(
                 entries = [_compared(measured, (task, interval, metric), name, best, seed) for name in ours]
                 label = METRICS[metric].label
                 rows.append(Row((task_words(task).split(",")[0], f"{label} {interval}", best), tuple(entries)))
-    return Table(("task", "figure", "best other"), tuple(ours), without_repeats(rows))
-
-
-def beside_best_by_category(joined: Joined, found: dict[Key, Cell], ours: Sequence[str], seed: int) -> Table | None:
-    """The same of L2P in every category, with its number of clips; None if there is one category alone."""
-    categories = scopes_of(found)[:-1]
-    rows = []
-    for scope in categories:
-        clips = len({row.clip for row in joined.rows if row.archive == scope})
-        table = beside_best(joined, found, ours, seed, scope, NINE[:1])
-        labels = (f"{scope} ({counted(clips, 'clip')})",)
-        task = ""
-        for row in table.rows:
-            task = row.labels[0] or task  # a label that is "" repeats the one above
-            rows.append(Row((*labels, task, *row.labels[1:]), row.entries))
-    return Table(("data", "task", "figure", "best other"), tuple(ours), without_repeats(rows)) if categories else None
+    return rows
 
 
 def _compared(rows: Sequence[MetricRow], column: tuple[str, int, str], name: str, best: str, seed: int) -> Entry:

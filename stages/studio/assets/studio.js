@@ -12,6 +12,7 @@ const KEYS = [["Space", "play or pause"], ["← →", "a frame; with Shift 10"],
   ["F", "fill"], ["X", "exchange A and B"], ["C", "next way to compare"], ["+ −", "zoom the timeline"], ["Ctrl Z", "undo; with Shift redo"], ["Ctrl S", "save"], ["?", "these keys"]];
 const studio = window.studio = { session: null, motions: new Map(), shown: { a: "", b: "" }, frame: 0, range: null, playing: false, drawing: null };
 let sending = Promise.resolve(), colours = {};
+const watched = new Set(); // ids of jobs whose progress is asked for
 
 const view = new View(byId("view"));
 const timeline = new Timeline(byId("timeline"), {
@@ -33,11 +34,11 @@ function say(text, bad = false) {
   byId("status").classList.toggle("bad", bad);
 }
 
-// Run what talks to the server, one after another; an error becomes a sentence, and a stale page is loaded again.
+// Run what talks to the server, one after another. After an error the page says it, and shows what the server holds.
 function send(work) {
   sending = sending.then(work).catch(async (error) => {
     say(error.message, true);
-    if (error.status === 409) await receive(await ask(`sessions/${studio.session.id}`));
+    if (studio.session) await ask(`sessions/${studio.session.id}`).then(receive).catch(() => {});
   });
   return sending;
 }
@@ -49,7 +50,7 @@ async function receive(session) {
   await Promise.all(wanted.filter((id) => !here.has(id)).map(async (id) => {
     const loaded = await Motion.load(session.id, id, pose);
     here.set(id, loaded);
-    loaded.ready.then(refresh);
+    loaded.ready.then(refresh).catch((error) => say(error.message, true));
   }));
   studio.session = session; // only when all is there that it shows
   studio.motions = here;
@@ -101,18 +102,18 @@ function open(name, blob = null, aside = false) {
 }
 
 function watch(job) {
-  if (studio.job === job.id) return;
-  studio.job = job.id;
+  if (watched.has(job.id)) return;
+  watched.add(job.id);
   byId("cancel").hidden = byId("progress").hidden = false;
   const path = `sessions/${studio.session.id}/jobs/${job.id}`, began = performance.now();
-  byId("cancel").onclick = () => ask(path, "DELETE");
+  byId("cancel").onclick = () => ask(path, "DELETE").catch((error) => say(error.message, true));
   const look = async () => {
     let now;
     try { now = await ask(path); } catch (error) { now = { state: "failed", error: error.message }; }
     if (now.total) { byId("progress").max = now.total; byId("progress").value = now.done; } else byId("progress").removeAttribute("value");
     if (now.state === "waiting" || now.state === "running") { say(now.label); setTimeout(look, 90); return; }
-    studio.job = null;
-    byId("cancel").hidden = byId("progress").hidden = true;
+    watched.delete(job.id);
+    byId("cancel").hidden = byId("progress").hidden = !watched.size;
     if (now.state === "failed") say(now.error, true);
     else if (now.state === "cancelled") say("Cancelled.");
     else send(async () => {
