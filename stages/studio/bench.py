@@ -88,10 +88,7 @@ class Bench:
         checked = FillSettings.model_validate(
             {**raw, "constraints": Constraints.model_validate(raw.get("constraints"))}
         )
-        if checked.weights not in self.weights:
-            raise UsageError(
-                f"The studio offers no weights {checked.weights!r}.", f"Choose {', '.join(self.weights)}."
-            )
+        self._check_offered(checked.weights)
 
         def change(old: Session) -> Session:
             return old.with_state(old.state.model_copy(update={"label": label[:80], "settings": checked}))
@@ -128,6 +125,7 @@ class Bench:
         """Fill the motion on the timeline as the settings say, once or with several seeds."""
         found = self.sessions.load(session)
         state = found.state
+        self._check_offered(state.settings.weights)  # the session's file may be somebody else's
         source = self.sessions.bvh(found, state.motion)
         if not 1 <= samples <= MOST_SAMPLES:
             raise UsageError(f"{samples} samples are asked for.", f"Ask for 1 to {MOST_SAMPLES}.")
@@ -161,6 +159,8 @@ class Bench:
         source = self.sessions.bvh(found, state.motion)
         options = verb_options(name, asked, state.settings, self._device)
         verb = VERBS[name]
+        if verb.fills:
+            self._check_offered(state.settings.weights)
         if bool(verb.other) != bool(other):
             raise UsageError(f"{name} {'needs' if verb.other else 'takes no'} second motion.", "Choose one.")
         values: dict[str, Any] = {**options, "input": source}
@@ -190,6 +190,10 @@ class Bench:
     def save(self, session: str, motion: str, name: str, overwrite: bool) -> dict[str, Any]:
         """Write a motion into the folder, with its constraints and commands."""
         return save(self.folder, self.sessions, self.sessions.load(session), motion, name, overwrite)
+
+    def _check_offered(self, weights: str) -> None:
+        if weights not in self.weights:
+            raise UsageError(f"The studio offers no weights {weights!r}.", f"Choose {', '.join(self.weights)}.")
 
     def _keep(
         self, session: str, motion: str, record: MotionRecord, shown: Callable[[Session, str], Session]

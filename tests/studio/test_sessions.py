@@ -142,6 +142,17 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
             Sessions(bench.folder.sessions()).load(session["id"])
 
 
+def test_a_session_of_another_person_names_no_weights_of_its_own(tmp_path: Path) -> None:
+    with bench_in(tmp_path / "folder", "kick") as bench:
+        page = Page(bench)
+        session = page.ask("open", "POST", {"file": "kick.bvh"})
+        file = bench.sessions.folder(session["id"]) / "session.json"
+        file.write_text(file.read_text().replace(f'"{default_weights()}"', '"../elsewhere"'))
+        bench.sessions = Sessions(bench.folder.sessions())
+        assert "no weights '../elsewhere'" in page.post(session, "fill", samples=1, status=400)["error"]
+        assert "no weights" in page.post(session, "edit", verb="loop", options={}, status=400)["error"]
+
+
 def with_motion(session: Session, motion: str, source: str = "") -> Session:
     """The session gone on with a motion of its own, which a stage made."""
     record = MotionRecord(name=motion, stage="edit-mirror", source=source)
