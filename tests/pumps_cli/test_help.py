@@ -35,7 +35,11 @@ def test_help_is_in_panels_for_each_kind_of_reader(pumps):
     assert list(PANELS) == ["Animate", "Data", "Meshes", "Train", "Research"]
     assert re.findall(r"╭─ (\w+) ─", shown) == [*PANELS, "Options"]
     animate = shown[shown.index("─ Animate") : shown.index("─ Data")]
-    assert [line.split()[1] for line in animate.splitlines() if re.match(r"│ \w", line)][:2] == ["infill", "retarget"]
+    assert [line.split()[1] for line in animate.splitlines() if re.match(r"│ \w", line)][:3] == [
+        "demo",
+        "infill",
+        "retarget",
+    ]
 
 
 def test_every_word_is_in_one_panel():
