@@ -1,10 +1,21 @@
-"""What holds for all tests: how many damaged files the readers were given is told at the end."""
+"""What holds for all tests: Python processes that share their imports; how many damaged files the readers were given
+is told at the end."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 
 import pytest
+
+from tests.forked_processes import forked_python
+
+
+@pytest.fixture(scope="session")
+def fast_python(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
+    """The words of a command that stands for `python` and need not import torch and pumps."""
+    with forked_python(tmp_path_factory.mktemp("python")) as words:
+        yield words
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

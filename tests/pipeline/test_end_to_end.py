@@ -154,7 +154,7 @@ PAGE_LINES = [
 ]
 
 
-def test_the_commands_of_the_pages_do_what_they_say(pipeline: Pipeline):
+def test_the_commands_of_the_pages_do_what_they_say(pipeline: Pipeline, fast_python: tuple[str, ...]):
     """Each one as it stands there, in a folder where runs/demo exists; those with shipped weights where there are."""
     shipped = (ROOT / "stages" / "shared" / "weights" / "tiny" / "ae" / "manifest.json").exists()
     for line in PAGE_LINES:
@@ -165,5 +165,8 @@ def test_the_commands_of_the_pages_do_what_they_say(pipeline: Pipeline):
         if words[0] == "evaluate":
             words += ["--max-windows", "1", "--points", "32", "--intervals", "15", "--transitions", "15"]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
-        done = subprocess.run([*PUMPS, *words], cwd=pipeline.place, env=environment, capture_output=True, text=True)
+        done = subprocess.run(
+            [*fast_python, "-m", "pumps_cli", *words], cwd=pipeline.place, env=environment,
+            capture_output=True, text=True,
+        )  # fmt: skip
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
