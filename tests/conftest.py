@@ -14,7 +14,14 @@ from tests.forked_processes import forked_python
 @pytest.fixture(scope="session")
 def fast_python(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
     """The words of a command that stands for `python` and need not import torch and pumps."""
-    with forked_python(tmp_path_factory.mktemp("python")) as words:
+    with forked_python(tmp_path_factory.mktemp("python"), "everything") as words:
+        yield words
+
+
+@pytest.fixture(scope="session")
+def light_python(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
+    """The same, for programs that need no torch: the settings of stages are imported."""
+    with forked_python(tmp_path_factory.mktemp("python"), "settings") as words:
         yield words
 
 

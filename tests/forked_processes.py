@@ -4,12 +4,13 @@ Importing torch takes seconds, most commands of the tests a fraction of one. So 
 forks for each command: each has a process, environment, working directory and outputs of its own, as from a shell,
 and shares only the imports. Tests of what is imported, or when, start real processes.
 
-    python -m tests.forked_processes SOCKET
+    python -m tests.forked_processes SOCKET everything | settings
 """
 
 from __future__ import annotations
 
 import atexit
+import gc
 import io
 import json
 import os
@@ -21,22 +22,26 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
 @contextmanager
-def forked_python(folder: Path) -> Iterator[tuple[str, ...]]:
-    """The words of a command that stands for `python`; `folder` gets a socket. Where there is no fork, Python itself."""
+def forked_python(folder: Path, imports: str) -> Iterator[tuple[str, ...]]:
+    """The words of a command that stands for `python`; on other systems than Linux, Python itself.
+
+    Args:
+        folder: gets a socket. imports: "everything", or "settings" for what `pumps config` needs.
+    """
     if not hasattr(os, "pidfd_open"):
         yield (sys.executable,)
         return
     path = folder / "socket"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
     server = subprocess.Popen(
-        [sys.executable, "-m", "tests.forked_processes", str(path)],
+        [sys.executable, "-m", "tests.forked_processes", str(path), imports],
         cwd=ROOT, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     )  # fmt: skip
     assert server.stdin and server.stdout and server.stdout.readline() == b"ready\n"
@@ -57,54 +62,66 @@ def import_everything() -> None:
     torch.optim.AdamW([torch.zeros(1, requires_grad=True)])
 
 
-def serve(path: str) -> None:
+def import_settings() -> None:
+    """Load what `pumps config` loads; without torch, a fork takes a fraction of the time."""
+    import pydantic  # noqa: F401
+
+    from stages.registry import STAGES
+
+    for stage in STAGES:
+        stage.config_type()
+
+
+def serve(path: str, imports: str) -> None:
     """Fork for each connection to the socket, until the standard input ends."""
-    import_everything()
+    {"everything": import_everything, "settings": import_settings}[imports]()
+    gc.freeze()  # the forked processes shall not go through, and so copy, all objects of the imports
+    running: dict[int, tuple[int, socket.socket]] = {}  # by the file that becomes readable when the process ends
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(path)
         listener.listen(64)
         print("ready", flush=True)
-        minders: set[int] = set()
         while True:
-            ready, _, _ = select.select([listener, sys.stdin], [], [], 1.0)
-            minders -= {minder for minder in minders if os.waitpid(minder, os.WNOHANG)[0]}
+            askers = {asker.fileno(): process for process, asker in running.values()}
+            ready, _, _ = select.select([sys.stdin, listener, *running, *askers], [], [])
             if sys.stdin in ready:
-                return
+                os._exit(0)  # unloading torch takes seconds
+            for file in set(ready) & set(askers):  # an asker that was killed
+                os.killpg(askers[file], signal.SIGKILL)
+            for file in set(ready) & set(running):
+                process, asker = running.pop(file)
+                code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+                with suppress(OSError), asker:
+                    asker.sendall(f"{code}\n".encode())
+                os.close(file)
             if listener in ready:
-                connection, _ = listener.accept()
-                minder = os.fork()
-                if minder == 0:
-                    listener.close()
-                    _mind(connection)
-                connection.close()
-                minders.add(minder)
+                asker, _ = listener.accept()
+                process = _started(asker, listener)
+                running[os.pidfd_open(process)] = process, asker
 
 
-def _mind(connection: socket.socket) -> None:
-    """In a process of its own: start what is asked for, answer with its exit code, end it if the asker ends."""
-    _, files, _, _ = socket.recv_fds(connection, 1, 3)
-    words, folder, environment = json.loads(connection.makefile().readline())
+def _started(asker: socket.socket, listener: socket.socket) -> int:
+    """The process of what is asked for."""
+    _, files, _, _ = socket.recv_fds(asker, 1, 3)
+    words, folder, environment = json.loads(asker.makefile().readline())
+    begun, begins = os.pipe()
     process = os.fork()
     if process == 0:
-        connection.close()
+        os.setsid()
+        for file in (begun, begins, asker.fileno(), listener.fileno()):
+            os.close(file)
         _become(words, folder, environment, files)
-    for file in (*files, 0, 1):  # whoever reads the output waits until all have closed it
+    os.close(begins)
+    os.read(begun, 1)  # until it has a process group of its own, which can be killed
+    for file in (begun, *files):  # whoever reads the output waits until all have closed it
         os.close(file)
-    ended = os.pidfd_open(process)
-    ready, _, _ = select.select([ended, connection], [], [])
-    if ended not in ready:
-        os.killpg(process, signal.SIGKILL)
-    _, status = os.waitpid(process, 0)
-    if ended in ready:
-        connection.sendall(f"{os.waitstatus_to_exitcode(status)}\n".encode())
-    os._exit(0)
+    return process
 
 
 def _become(words: list[str], folder: str, environment: dict[str, str], files: list[int]) -> None:
     """In a new process: run Python's arguments `words` and end with the exit code."""
     code = 1
     try:
-        os.setsid()
         for number, file in enumerate(files):
             os.dup2(file, number)
             os.close(file)
@@ -144,4 +161,4 @@ def _run(words: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    serve(sys.argv[1])
+    serve(*sys.argv[1:])
