@@ -64,8 +64,8 @@ def import_everything() -> None:
 
 def import_settings() -> None:
     """Load what `pumps config` loads; without torch, a fork takes a fraction of the time."""
-    import pydantic  # noqa: F401
-
+    import pumps_cli.app  # noqa: F401
+    import pumps_cli.commands.config  # noqa: F401
     from stages.registry import STAGES
 
     for stage in STAGES:
@@ -82,19 +82,20 @@ def serve(path: str, imports: str) -> None:
         listener.listen(64)
         print("ready", flush=True)
         while True:
+            stop, asked = sys.stdin.fileno(), listener.fileno()
             askers = {asker.fileno(): process for process, asker in running.values()}
-            ready, _, _ = select.select([sys.stdin, listener, *running, *askers], [], [])
-            if sys.stdin in ready:
+            ready = set(select.select([stop, asked, *running, *askers], [], [])[0])
+            if stop in ready:
                 os._exit(0)  # unloading torch takes seconds
-            for file in set(ready) & set(askers):  # an asker that was killed
+            for file in ready & set(askers):  # an asker that was killed
                 os.killpg(askers[file], signal.SIGKILL)
-            for file in set(ready) & set(running):
+            for file in ready & set(running):
                 process, asker = running.pop(file)
                 code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
                 with suppress(OSError), asker:
                     asker.sendall(f"{code}\n".encode())
                 os.close(file)
-            if listener in ready:
+            if asked in ready:
                 asker, _ = listener.accept()
                 process = _started(asker, listener)
                 running[os.pidfd_open(process)] = process, asker

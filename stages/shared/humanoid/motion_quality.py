@@ -214,7 +214,8 @@ def _swapped(skeleton: Skeleton, joints: _Joints, positions: np.ndarray, rotatio
     votes = 0.0
     for leg, (hip, knee, ankle) in zip(legs, limbs, strict=True):
         last = leg[-1]
-        toes = places[:, last] - places[:, ankle] + rotate(rotations[some, last].astype(np.float64), skeleton.tails[last])
+        turned_tails = rotate(rotations[some, last].astype(np.float64), skeleton.tails[last])
+        toes = places[:, last] - places[:, ankle] + turned_tails
         bend = off_line(places[:, [knee]], places[:, hip], places[:, ankle])[:, 0]
         votes += float(((toes + bend) * forward).sum(-1).mean())
     return votes < 0

@@ -1,4 +1,4 @@
-"""Percentiles and medians to NumPy's bits. For short clips NumPy's own calls take several times as long as the sorting."""
+"""Percentiles and medians to NumPy's bits. For short clips NumPy's own calls take several times as long as sorting."""
 
 from __future__ import annotations
 
