@@ -64,7 +64,7 @@ def import_everything() -> None:
 
 def import_settings() -> None:
     """Load what `pumps config` loads; without torch, a fork takes a fraction of the time."""
-    import pumps_cli.app  # noqa: F401
+    import pumps_cli.app
     import pumps_cli.commands.config  # noqa: F401
     from stages.registry import STAGES
 

@@ -1,4 +1,4 @@
-"""Percentiles and medians to NumPy's bits. For short clips NumPy's own calls take several times as long as sorting."""
+"""Percentiles and medians to NumPy's bits, for short arrays in a fraction of the time of NumPy's own calls."""
 
 from __future__ import annotations
 
