@@ -41,7 +41,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def filled(weights: Path, output: Path, **settings) -> list[Path]:
     config = Config(
         input=WALK, output=output, weights=str(weights), method="concepts", device="cpu",
-        **({"keyframes": "every:20,-1"} | settings),
+        **({"keyframes": "every:20"} | settings),
     )  # fmt: skip
     run(config)
     return list(config.outputs_of(output))
@@ -66,7 +66,7 @@ def test_rows_between_keys_are_not_read(weights: Path, tmp_path: Path):
     first = next(at for at, line in enumerate(text) if line.startswith("Frame Time")) + 1
     text[first + 7] = " ".join("1" for _ in text[first].split())
     (tmp_path / "other.bvh").write_text("\n".join(text))
-    config = {"weights": str(weights), "method": "concepts", "device": "cpu", "keyframes": "every:20,-1"}
+    config = {"weights": str(weights), "method": "concepts", "device": "cpu", "keyframes": "every:20"}
     run(Config(input=tmp_path / "other.bvh", output=tmp_path / "a.bvh", **config))
     run(Config(input=WALK, output=tmp_path / "b.bvh", **config))
     assert (tmp_path / "a.bvh").read_bytes().split() == (tmp_path / "b.bvh").read_bytes().split()

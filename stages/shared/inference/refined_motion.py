@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
@@ -63,8 +63,8 @@ def refined_motion(
 
     Args:
         name: of the motion, for errors.
-        known: (T,) bool; frames that stay, value for value. What refinement would move there is taken off around them
-            too, in proportion to the time between two of them.
+        known: (T,) bool; frames that stay, value for value. What refinement would move there is taken off between
+            them too.
 
     Raises: UsageError for an action that was not learned; InputError for another rig, or a motion that is too short.
     """
@@ -95,12 +95,9 @@ def _arrays(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _between(values: np.ndarray, keys: np.ndarray) -> np.ndarray:
-    """(T, ...) what stands at keys, on straight lines between them and constant beyond them."""
-    at = np.arange(len(values))
-    after = np.searchsorted(keys, at).clip(1, max(len(keys) - 1, 1))
-    low, high = keys[after - 1], keys[np.minimum(after, len(keys) - 1)]
-    share = ((at - low) / np.maximum(high - low, 1)).clip(0, 1).reshape(-1, *([1] * (values.ndim - 1)))
-    return (1 - share) * values[low] + share * values[high]
+    """(T, ...) what stands at keys, smooth and without overshoot between them, constant beyond them."""
+    at = np.arange(len(values)).clip(keys[0], keys[-1])
+    return PchipInterpolator(keys, values[keys])(at) if len(keys) > 1 else values[np.repeat(keys, len(values))]
 
 
 def _at_rate(moved: np.ndarray, fps: float, frames: int, target_fps: float) -> np.ndarray:
