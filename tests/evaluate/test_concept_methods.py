@@ -52,7 +52,8 @@ def write_walk(path: Path, source: str) -> Path:
 def settings(weights: Path) -> dict:
     return {
         "weights": ("tiny", f"concepts={weights}"), "refine": weights, "tasks": ("interpolation",),
-        "intervals": (15,), "window": 46, "max_windows": 1, "device": "cpu", "plain": False, "keep_fills": True, "points": 64,
+        "intervals": (15,), "window": 46, "max_windows": 1, "device": "cpu", "plain": False, "keep_fills": True,
+        "points": 64,
     }  # fmt: skip
 
 
