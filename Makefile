@@ -35,7 +35,7 @@
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
-# make install | lint | clean-run RUN=mine | help
+# make docs        the documentation as a site that opens offline, runs/site/html; also make install | lint | clean-run RUN=mine | help
 #
 # All of them take RUN, PRESET, DATA and SET. Tables read archives in SHARED_DATA (../shared/data), which `pumps data list`
 # names with their sources. What a run makes lies in runs/RUN; `pumps config write` writes its settings and its makefile
@@ -60,7 +60,7 @@ SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev demo reproduce fill table1 figures table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 concepts-tables pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev docs demo reproduce fill table1 figures table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 concepts-tables pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -70,6 +70,7 @@ help:
 
 install: $(VENV)/installed
 install-dev: $(VENV)/installed-dev
+docs: $(VENV)/installed-docs ; $(VENV)/bin/python docs/site/build.py -o '$(RUNS)/site'
 $(VENV)/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("pumps needs Python 3.10 or newer, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
 	$(PYTHON) -m venv $(VENV)
@@ -78,8 +79,8 @@ $(VENV)/installed: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e .
 	@touch $@
 
-$(VENV)/installed-dev $(VENV)/installed-bench $(VENV)/installed-fuzz $(VENV)/installed-mesh: $(VENV)/installed%: pyproject.toml constraints.txt | $(VENV)/bin/python
-	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev$(patsubst -%,$(comma)%,$(filter -bench -fuzz -mesh,$*))]'
+$(VENV)/installed-dev $(VENV)/installed-bench $(VENV)/installed-fuzz $(VENV)/installed-mesh $(VENV)/installed-docs: $(VENV)/installed%: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(VENV)/bin/python -m pip install --quiet -c constraints.txt -e '.[dev$(patsubst -%,$(comma)%,$(filter -bench -fuzz -mesh -docs,$*))]'
 	@touch $(VENV)/installed $@
 comma := ,
 

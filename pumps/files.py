@@ -25,8 +25,9 @@ def load(
         skeleton: the file that holds the skeleton, for formats that keep it apart (ASF, a robot's URDF).
         up_axis: "y" or "z", the up axis of the file's world, where it is not the one that the body's poses show.
 
-    Raises: InputError where the file cannot be read, is not a humanoid's, or holds several motions; UsageError for an
-        `fps` that is not above 0, and for another `up_axis`.
+    Raises:
+        InputError: the file cannot be read, is not a humanoid's, or holds several motions.
+        UsageError: `fps` is not above 0, or `up_axis` is neither "y" nor "z".
     """
     found = load_clips(path, fps=fps, skeleton=skeleton, up_axis=up_axis)
     if len(found) != 1:
@@ -71,9 +72,12 @@ def save(motion: Motion, path: PathLike, *, overwrite: bool = False) -> tuple[st
 
     A motion that was read from a BVH, or filled into one, is written back with its own header, rows and numbers.
 
-    Returns: notes on what the format does not hold, one sentence each.
-    Raises: UsageError for a file that exists or a suffix that pumps does not write; InputError for a BVH of a
-        skeleton that has no header.
+    Returns:
+        Notes on what the format does not hold, one sentence each.
+
+    Raises:
+        UsageError: the file exists, or pumps does not write its suffix.
+        InputError: the format is BVH, and the skeleton has no header.
     """
     from stages.shared.formats.writers import bytes_of_motion, written_format
     from stages.shared.outputs import write_output
@@ -93,7 +97,8 @@ def save(motion: Motion, path: PathLike, *, overwrite: bool = False) -> tuple[st
 def read_clips(artefact: PathLike) -> Iterator[Motion]:
     """The motions of a `motion` artefact, as `pumps ingest` and `pumps decode` write it, one after another.
 
-    Raises: InputError where it is not there, damaged or of another kind.
+    Raises:
+        InputError: the artefact is not there, damaged or of another kind.
     """
     from data_schemas.artefact import open_artefact
     from data_schemas.motion import MotionReader
@@ -109,8 +114,9 @@ def write_clips(motions: Iterable[Motion], folder: PathLike, *, split: str = "tr
     Args:
         split: "train", "val" or "test", of all of them.
 
-    Raises: UsageError for a folder that exists, and where there are no motions; InputError for motions that are not
-        finite, or two of one name.
+    Raises:
+        UsageError: the folder exists, or there are no motions.
+        InputError: a motion is not finite, or two have one name.
     """
     from data_schemas.artefact import write_artefact
     from data_schemas.clips import ClipRow

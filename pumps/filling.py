@@ -63,8 +63,9 @@ def infill(
 
     Returns: the filled motion. Saved as a BVH, its key rows, and what else is kept, are those of the file, byte for
         byte.
-    Raises: UsageError where nothing says which frames are keys, or two arguments do; InputError for frames that are
-        not in the motion, for constraints that contradict each other, and for weights that are not there.
+    Raises:
+        UsageError: nothing says which frames are keys, or two arguments do.
+        InputError: frames are not in the motion, constraints contradict each other, or the weights are not there.
     """
     return infill_samples(
         motion, 1, keyframes, transition=transition, predict=predict, frames=frames, times=times, keep=keep,
@@ -100,7 +101,9 @@ def infill_samples(
         samples: how many, 1 or more. The others are as of `infill`.
 
     Returns: the fill that `infill` returns first, then the others. All have the same key rows.
-    Raises: as `infill`; InputError for weights that do not hold how motions vary.
+    Raises:
+        UsageError: as `infill`.
+        InputError: as `infill`, and for weights that do not hold how motions vary.
     """
     from stages.infill.config import Config
     from stages.infill.fillers import filler_of
@@ -153,7 +156,9 @@ def retarget(motion: Motion, to: Motion, *, points: int = 256, seed: int = 0, de
         points: of the cloud that draws hands and feet to their places. seed: of its points. device: as of `infill`.
 
     Returns: the motion on the rig's skeleton.
-    Raises: InputError for a rig without a pose to start from; UsageError for settings that are not possible.
+    Raises:
+        InputError: a rig has no pose to start from.
+        UsageError: the settings are not possible.
     """
     from stages.retarget.config import Config
     from stages.retarget.run import retargeted

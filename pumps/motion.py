@@ -18,10 +18,14 @@ class Motion:
 
     Arrays are right-handed, Y up, in metres and seconds; quaternions are xyzw. They are read-only.
 
-    skeleton: the joints, their offsets and body groups, and what is needed to write the source's header again.
-    record:   rotations and places as pumps stores them.
-    name:     of the clip. notes: what was odd in the file, one sentence each. licence: of the source, where known.
-    up_axis:  of the source's world, "y" or "z", if `load` was told it.
+    Attributes:
+        skeleton: the joints, their offsets and body groups, and what is needed to write the source's header again.
+        record: rotations and places as pumps stores them.
+        name: the clip's name.
+        notes: what was odd in the file, one sentence each.
+        licence: the source's licence, where known.
+        up_axis: the up axis of the source's world, "y" or "z", if `load` was given it.
+        source: the BVH that this motion was read from or filled into, verbatim.
     """
 
     skeleton: records.Skeleton
@@ -30,7 +34,7 @@ class Motion:
     notes: tuple[str, ...] = ()
     licence: str = ""
     up_axis: str | None = None
-    source: bytes = field(default=b"", repr=False)  # the BVH that this motion was read from or filled into, verbatim
+    source: bytes = field(default=b"", repr=False)
 
     @property
     def frames(self) -> int:
@@ -84,14 +88,16 @@ class Motion:
     def trim(self, first: int, stop: int | None = None) -> Motion:
         """Frames `first` to `stop - 1`, to the end where `stop` is None; negative numbers count from the end.
 
-        Raises: InputError for frames that are not in the motion.
+        Raises:
+            InputError: frames that are not in the motion.
         """
         return editing.trim(self, first, stop)
 
     def resample(self, fps: float) -> Motion:
         """The motion at another rate; poses at times that both rates have stay value for value.
 
-        Raises: UsageError for a rate that is not above 0.
+        Raises:
+            UsageError: a rate that is not above 0.
         """
         return editing.resample(self, fps)
 
@@ -102,7 +108,8 @@ class Motion:
             across: "x" or "z", the axis along which the world is mirrored; "auto" for the one from the body's left to
                 its right at rest.
 
-        Raises: InputError for a skeleton without pairs of joints.
+        Raises:
+            InputError: a skeleton without pairs of joints.
         """
         return editing.mirror(self, across)
 
@@ -123,7 +130,8 @@ class Motion:
         Args:
             seconds: of the frames added; None to find a time. weights, seed, device: as of `pumps.infill`.
 
-        Raises: InputError for a motion of fewer than 3 frames.
+        Raises:
+            InputError: a motion of fewer than 3 frames.
         """
         return editing.loop(self, seconds, weights, seed, device)
 
@@ -141,7 +149,8 @@ class Motion:
         Args:
             seconds: of the frames between the two; 0 for none. weights, seed, device: as of `pumps.infill`.
 
-        Raises: InputError for a motion of another rig, which `pumps.retarget` puts on this one.
+        Raises:
+            InputError: a motion of another rig, which `pumps.retarget` puts on this one.
         """
         return editing.join(self, then, seconds, weights, seed, device)
 

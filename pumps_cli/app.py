@@ -24,6 +24,7 @@ _EXAMPLE = "Example: pumps infill walk.bvh --keyframes 0,15,40 -o filled.bvh"
 _TOOLS = {
     "artefact": ("pumps_cli.commands.artefact", "Show artefacts, check their files, show their inputs, join parts."),
     "config": ("pumps_cli.commands.config", "List and show presets; write the settings of a run."),
+    "demo": ("pumps_cli.commands.demo", "Fill a clip that comes with pumps, and open a page that plays it."),
     "formats": ("pumps_cli.commands.formats", "List the file formats that pumps reads, and what to know about each."),
     "run": ("pumps_cli.commands.run", "Make a run where there is no make: ingest, train, fill, measure, report."),
     "results": ("pumps_cli.commands.results", "Print the tables of a metrics artefact."),

@@ -1,14 +1,17 @@
-"""What holds for all tests: Python processes that share their imports; how many damaged files the readers were given
-is told at the end."""
+"""What holds for all tests: Python processes that share their imports; no browser opens; the end tells how many damaged
+files the readers were given."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator
 
 import pytest
 
 from tests.forked_processes import forked_python
+
+os.environ["BROWSER"] = "true"  # commands that open a page start this program of no effect
 
 
 @pytest.fixture(scope="session")

@@ -87,7 +87,7 @@ def test_help_loads_no_heavy_library():
 
 
 def test_help_of_every_command_loads_no_torch():
-    tools = ["artefact", "config", "formats", "results", "run", "stages"]
+    tools = ["artefact", "config", "demo", "formats", "results", "run", "stages"]
     words = [list(stage.command) for stage in STAGES] + [[tool] for tool in tools]
     code = (
         "from pumps_cli.app import main\n"

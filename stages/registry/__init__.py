@@ -13,6 +13,7 @@ STAGES: tuple[Stage, ...] = pipeline.STAGES + editing.STAGES + tools.STAGES
 # What `pumps --help` shows: panel -> words after `pumps`, in the order of reading.
 PANELS = {
     "Animate": (
+        "demo",
         "infill",
         "retarget",
         "studio",
