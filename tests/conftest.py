@@ -1,5 +1,5 @@
-"""What holds for all tests: Python processes that share their imports; no browser opens; the end tells how many damaged
-files the readers were given."""
+"""What holds for all tests: Python processes that share their imports, no browser that opens, and at the end how many
+damaged files the readers were given."""
 
 from __future__ import annotations
 
