@@ -130,9 +130,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         refiner = refiner_of(config, reader, (window for _, _, windows in plan for window in windows))
         total = sum(len(windows) * len(methods_for(task, loaded, config, refiner)) for _, task, windows in plan)
         if config.keep_fills:
-            motions = {
-                task: 1 + len(methods_for(task, loaded, config, refiner)) for _, task, _ in plan
-            }  # and the truth
+            # Beside the methods' fills, the true motion is kept.
+            motions = {task: 1 + len(methods_for(task, loaded, config, refiner)) for _, task, _ in plan}
             check_size(((window, motions[task]) for _, task, windows in plan for window in windows), reader)
         progress.start("Filling windows", total)
         rows: list[MetricRow] = []
