@@ -106,11 +106,11 @@ def infill_samples(
         InputError: as `infill`, and for weights that do not hold how motions vary.
     """
     from stages.infill.config import Config
+    from stages.infill.fillers import filler_of
     from stages.infill.row_files import row_file
     from stages.infill.run import fill_files
     from stages.shared.formats.bvh_of_motion import bvh_of_motion
     from stages.shared.formats.sources import Source
-    from stages.shared.inference.kept_models import kept_models
     from stages.shared.settings.layers import Layer, settle
     from stages.shared.weights.shipped import default_weights
 
@@ -138,10 +138,10 @@ def infill_samples(
         "device": device,
     }
     config = settle(Config, [Layer("arguments", settings)], what="pumps infill")
-    models = kept_models(config.weights, device)
+    filler = filler_of(config)
     file = row_file(Source(here.name, "", here.name, len(data)), config, data)
     fills = []
-    for made in fill_files(file, config, models, _constraints_of(path, constraints)):
+    for made in fill_files(file, config, filler, _constraints_of(path, constraints)):
         skeleton, record = file.motion_in(made.data)
         fills.append(replace(motion, skeleton=skeleton, record=record, notes=made.notes, source=made.data))
     return fills

@@ -1,13 +1,31 @@
-"""What holds for all tests: no browser opens, and the end tells how many damaged files readers were given."""
+"""What holds for all tests: Python processes that share their imports, no browser that opens, and at the end how many
+damaged files the readers were given."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterator
 
 import pytest
 
+from tests.forked_processes import forked_python
+
 os.environ["BROWSER"] = "true"  # commands that open a page start this program of no effect
+
+
+@pytest.fixture(scope="session")
+def fast_python(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
+    """The words of a command that stands for `python` and need not import torch and pumps."""
+    with forked_python(tmp_path_factory.mktemp("python"), "everything") as words:
+        yield words
+
+
+@pytest.fixture(scope="session")
+def light_python(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
+    """The same, for programs that need no torch: the settings of stages are imported."""
+    with forked_python(tmp_path_factory.mktemp("python"), "settings") as words:
+        yield words
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -7,11 +7,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import NAMES_OF, DeviceConfig, ManyFilesConfig, SeededConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, MotionFilesConfig, SeededConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
+class Config(MotionFilesConfig, DeviceConfig, SeededConfig):
     """Clean a noisy motion on its own skeleton: find noisy and missing frames, mend them, keep the others."""
 
     input: Path = Field(

@@ -21,7 +21,12 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         (),
         json_schema_extra={NAMES_OF: "weights"},
         description="Weights to measure: a name (`pumps weights list`), or NAME=FOLDER, which may also be a "
-        "checkpoint of `pumps train baseline` or `pumps train citl`; each is a method in the tables.",
+        "checkpoint of `pumps train baseline`, `train citl` or `train concepts`; each is a method in the tables.",
+    )
+    refine: Path | None = Field(
+        None,
+        description="A checkpoint of `pumps train concepts`: what each of the weights fills is also refined with it, "
+        "between the keyframes, as NAME-refined. The clips' names must say their actions.",
     )
     tasks: tuple[str, ...] = Field(TASK_NAMES, description="Tasks to measure.")
     intervals: tuple[int, ...] = Field((5, 15, 30), description="Frames between keyframes, for interpolation.")

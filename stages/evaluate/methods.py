@@ -15,20 +15,24 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME, open_artefact, sha256_of_file
 from data_schemas.skeleton import Motion
 from data_schemas.trainings import TrainingData, last_data
+from stages.evaluate.concept_methods import LoadedConcepts, Refiner
 from stages.evaluate.config import Config
 from stages.evaluate.measured_clips import WindowBatch
-from stages.evaluate.pose_methods import LoadedInterpolator, holds_interpolator, loaded_interpolator
+from stages.evaluate.one_checkpoint import network_of
+from stages.evaluate.pose_methods import LoadedInterpolator, loaded_interpolator
 from stages.shared.inference.cloud_interfaces import CloudSource
 from stages.shared.inference.cloud_sources import ReconstructedClouds, SynthesisedClouds, TrueClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models, load_weights
+from stages.shared.inference.pose_filling import is_interpolator
+from stages.shared.inference.refining import is_concepts, load_concepts
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.statistics.baselines import BASELINES, PREDICTION_BASELINES, Filled, Poses, zero_velocity
-from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD, TRUTH
+from stages.shared.statistics.measurements import RECONSTRUCTED, REFINED, TRUE_CLOUD, TRUTH
 from stages.shared.statistics.method_notes import MeasuredWeights
 from stages.shared.statistics.tasks import PREDICTION, TRANSITION
 from stages.shared.statistics.window_seeds import window_seed
-from stages.shared.statistics.windows import Task
+from stages.shared.statistics.windows import Task, Window
 from stages.shared.weights.shipped import CONFIDENCE_NAME, named_source, parts_of, weights_folder
 
 PARTS = ("ae", "lms", "train-ae", "train-lms")
@@ -104,10 +108,10 @@ class LoadedWeights:
         return found
 
 
-Loaded = LoadedWeights | LoadedInterpolator
+Loaded = LoadedWeights | LoadedInterpolator | LoadedConcepts
 
 
-def methods_for(task: Task, loaded: Sequence[Loaded], config: Config) -> list[Method]:
+def methods_for(task: Task, loaded: Sequence[Loaded], config: Config, refiner: Refiner | None = None) -> list[Method]:
     """All methods of a task's table, the plain ones first."""
     plain = PREDICTION_BASELINES if task.name == PREDICTION else BASELINES
     if config.protocol == "lafan1" and task.name == TRANSITION:
@@ -117,9 +121,17 @@ def methods_for(task: Task, loaded: Sequence[Loaded], config: Config) -> list[Me
     methods += [
         Method(w.name, _interpolator_fill(w))
         if isinstance(w, LoadedInterpolator)
+        else Method(w.name, _concept_fill(w, options))
+        if isinstance(w, LoadedConcepts)
         else Method(w.name, _cloud_fill(partial(_synthesised, w.models), config, options))
         for w in loaded
     ]
+    if refiner is not None:
+        methods += [
+            Method(w.name + REFINED, _cloud_fill(partial(_synthesised, w.models), config, options, refiner.refined))
+            for w in loaded
+            if isinstance(w, LoadedWeights)
+        ]
     if config.breakdown:
         methods += [
             Method(w.name + RECONSTRUCTED, _cloud_fill(partial(ReconstructedClouds, w.models), config))
@@ -138,9 +150,12 @@ def load_all(config: Config) -> list[Loaded]:
         name, source = named_source(text)
         if name in taken:
             raise UsageError(f"Two methods are called {name!r}.", f"Give another name: --weights NAME={source}.")
-        taken |= {name, name + RECONSTRUCTED}
-        if holds_interpolator(source):
+        taken |= {name, name + RECONSTRUCTED, name + REFINED}
+        network = network_of(source)
+        if is_interpolator(network):
             loaded.append(loaded_interpolator(name, source, config.device))
+        elif is_concepts(network):
+            loaded.append(LoadedConcepts(name, source, load_concepts(Path(source), config.device)))
         else:
             loaded.append(LoadedWeights(name, source, load_weights(source, config.device)))
     return loaded
@@ -177,8 +192,26 @@ def _synthesised(models: Models, motion: Motion) -> CloudSource:
     return SynthesisedClouds(models)
 
 
-def _cloud_fill(source_of: Callable[[Motion], CloudSource], config: Config, options: FillOptions | None = None):
-    """Fill from the clouds that a source finds; `source_of` is called with each window's true motion."""
+def _concept_fill(loaded: LoadedConcepts, options: FillOptions):
+    def fill(batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Made:
+        motions = []
+        for motion in batch.motions:
+            motions.append(loaded.fill(batch, without_answers(motion, batch.known), options))
+            advance()
+        result = Poses.of(batch.skeleton, motions)
+        return Made(result.positions.numpy(), result.rotations.numpy())
+
+    return fill
+
+
+def _cloud_fill(
+    source_of: Callable[[Motion], CloudSource],
+    config: Config,
+    options: FillOptions | None = None,
+    refined: Callable[[WindowBatch, Window, Motion], Motion] | None = None,
+):
+    """Fill from the clouds that a source finds; `source_of` is called with each window's true motion, and `refined`
+    with each filled one."""
     device = choose_device(config.device)
 
     def fill(batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Made:
@@ -194,7 +227,8 @@ def _cloud_fill(source_of: Callable[[Motion], CloudSource], config: Config, opti
                 device=device,
                 options=options,
             )
-            motions.append(filled.motion)
+            made = filled.motion
+            motions.append(made if refined is None else refined(batch, window, made))
             fell_back.append(filled.plain)
             advance()
         result = Poses.of(batch.skeleton, motions)

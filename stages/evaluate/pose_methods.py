@@ -4,57 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
-from data_schemas.checkpoint import read_checkpoint
-from data_schemas.errors import InputError
-from data_schemas.manifest import MANIFEST_NAME, open_artefact
 from data_schemas.skeleton import Skeleton
-from data_schemas.trainings import TrainingData, last_data
 from stages.evaluate.measured_clips import WindowBatch
-from stages.shared.inference.pose_filling import Interpolator, is_interpolator, load_interpolator
+from stages.evaluate.one_checkpoint import OneCheckpoint
+from stages.shared.inference.pose_filling import Interpolator, load_interpolator
 from stages.shared.kinematics.forward import local_rotations
 from stages.shared.kinematics.rotations import conjugate, multiply, rotate
 from stages.shared.pointcloud.bones import body_joints
 from stages.shared.statistics.baselines import Filled, Poses, damped
-from stages.shared.statistics.method_notes import MeasuredWeights
 
 
 @dataclass(frozen=True)
-class LoadedInterpolator:
-    """A trained network of one skeleton's poses, as the user named it."""
+class LoadedInterpolator(OneCheckpoint):
+    """A trained network of one skeleton's poses."""
 
-    name: str
-    source: str
     interpolator: Interpolator
-    windows: tuple[int, ...] = ()  # it has no seams between windows
-
-    def artefacts(self) -> list[Path]:
-        """Its checkpoint."""
-        return [Path(self.source)]
-
-    def facts(self) -> MeasuredWeights:
-        """The page's note on it."""
-        artefact = self.interpolator.artefact
-        trainings = read_checkpoint(artefact, optimiser=False).trainings
-        return MeasuredWeights(
-            name=self.name,
-            source=self.source,
-            data=last_data(trainings),
-            digests={"checkpoint": artefact.manifest.digest},
-            minutes=trainings[-1].minutes if trainings else None,
-        )
-
-    def trained_on(self) -> list[TrainingData]:
-        """The data of all its trainings. Raises InputError if the checkpoint does not list them."""
-        data = [each.data for each in read_checkpoint(self.interpolator.artefact, optimiser=False).trainings]
-        known = [each for each in data if each is not None]
-        if not known or len(known) < len(data):
-            raise InputError(f"{self.source} does not say what it was trained on.", "Leave --unseen away.")
-        return known
 
     def fill(self, batch: WindowBatch, poses: Poses, advance: Callable[[], None]) -> Filled:
         """The batch's windows filled, all at once. Joints that are no bones follow the plain interpolation."""
@@ -73,16 +41,6 @@ class LoadedInterpolator:
         place = {int(joint): index for index, joint in enumerate(joints)}
         parents = np.array([place.get(int(skeleton.parents[joint]), -1) for joint in joints])
         self.interpolator.check_hierarchy(parents, np.maximum(skeleton.groups[joints], 0), "the measured skeleton")
-
-
-def holds_interpolator(source: str) -> bool:
-    """Whether a folder is one checkpoint, of a network of one skeleton's poses."""
-    if not (Path(source) / MANIFEST_NAME).is_file():
-        return False
-    artefact = open_artefact(source)
-    return artefact.manifest.kind == "checkpoint" and is_interpolator(
-        read_checkpoint(artefact, optimiser=False).config
-    )
 
 
 def loaded_interpolator(name: str, source: str, device: str) -> LoadedInterpolator:

@@ -19,6 +19,7 @@ from data_schemas.manifest import open_artefact
 from data_schemas.metrics import MetricRow, write_metrics
 from data_schemas.motion import MotionReader
 from data_schemas.version import code_digest
+from stages.evaluate.concept_methods import Refiner, refiner_of
 from stages.evaluate.config import Config
 from stages.evaluate.kept_fills import check_size, kept_batch
 from stages.evaluate.measured_clips import MeasuredClips, WindowBatch
@@ -117,6 +118,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     motion = open_artefact(config.motion, "motion")
     loaded = load_all(config)
     inputs = [motion, *(path for weights in loaded for path in weights.artefacts())]
+    if config.refine is not None:
+        inputs.append(config.refine)
     with (
         MotionReader(motion) as reader,
         write_artefact(config.output, "metrics", stage="evaluate", config=config, inputs=inputs) as draft,
@@ -124,14 +127,16 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         trained_on = [data for weights in loaded for data in weights.trained_on()] if config.unseen else None
         clips = MeasuredClips(reader, config.splits, config.where, trained_on, named("category", config.category))
         plan = _plan(clips, config)
-        total = sum(len(windows) * len(methods_for(task, loaded, config)) for _, task, windows in plan)
+        refiner = refiner_of(config, reader, (window for _, _, windows in plan for window in windows))
+        total = sum(len(windows) * len(methods_for(task, loaded, config, refiner)) for _, task, windows in plan)
         if config.keep_fills:
-            motions = {task: 1 + len(methods_for(task, loaded, config)) for _, task, _ in plan}  # and the truth
+            # Beside the methods' fills, the true motion is kept.
+            motions = {task: 1 + len(methods_for(task, loaded, config, refiner)) for _, task, _ in plan}
             check_size(((window, motions[task]) for _, task, windows in plan for window in windows), reader)
         progress.start("Filling windows", total)
         rows: list[MetricRow] = []
         with FillsWriter(draft.folder, MODEL_FPS) if config.keep_fills else nullcontext() as fills:
-            measuring = _Measuring(config, clips, loaded, progress, _Statistics(clips), fills)
+            measuring = _Measuring(config, clips, loaded, refiner, progress, _Statistics(clips), fills)
             for archive, group in groupby(plan, key=lambda step: step[0]):
                 for _, task, windows in group:
                     rows += _rows(reader, archive, task, _measure_task(measuring, archive, task, windows))
@@ -140,6 +145,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         facts = MethodFacts(
             weights=[_facts(each, clips) for each in loaded],
             breakdown=config.breakdown,
+            refined=config.refine is not None,
             borrowed_statistics=measuring.statistics.borrowed,
         )
         draft.summary |= _counts(rows, plan) | facts.model_dump() | {"code": code_digest()}
@@ -184,6 +190,7 @@ class _Measuring:
     config: Config
     clips: MeasuredClips
     loaded: Sequence[Loaded]
+    refiner: Refiner | None
     progress: Progress
     statistics: _Statistics
     fills: FillsWriter | None
@@ -192,7 +199,7 @@ class _Measuring:
 
 def _measure_task(of: _Measuring, archive: str, task: Task, windows: list[Window]) -> _Tally:
     config, tally = of.config, _Tally()
-    methods = methods_for(task, of.loaded, config)
+    methods = methods_for(task, of.loaded, config, of.refiner)
     for batch in of.clips.batches(task, windows):
         poses = batch.poses()
         joints = measured_joints(batch.skeleton)

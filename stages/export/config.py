@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import WritingConfig
+from data_schemas.errors import UsageError
+from stages.shared.contract import MotionFilesConfig
+
+_OWN_SUFFIXES = {"amass": ".npz", "robot-csv": ".csv"}  # of formats that are not named as their suffix is
 
 
-class Config(WritingConfig):
+class Config(MotionFilesConfig):
     """Give a motion in a form that other programs read."""
 
     input: str = Field(
-        description="Recording of any format that pumps reads (FILE.zip!MEMBER too), or a motion artefact."
+        description="Recording of any format that pumps reads (FILE.zip!MEMBER too), or a motion artefact; of a "
+        "folder, an archive or a pattern, each file is written."
     )
     output: Path = Field(description="File to write, or a folder for all clips of the input.")
     format: Literal["auto", "bvh", "glb", "amass", "csv", "parquet", "robot-csv"] = Field(
@@ -45,3 +50,16 @@ class Config(WritingConfig):
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0
     )
+
+    def suffix_of(self, own: str, writable: Collection[str]) -> str:
+        """The format's suffix, or the one asked for."""
+        if self.format == "auto":
+            if self.suffix is None:
+                raise UsageError(f"{self.output} is a folder, so it is not said what to write.", "Give --format.")
+            return super().suffix_of(own, writable)
+        suffix = _OWN_SUFFIXES.get(self.format, f".{self.format}")
+        if self.suffix is not None and self.suffix.lower() != suffix:
+            raise UsageError(
+                f"--suffix {self.suffix} is not one of {self.format}.", f"Leave it out, or give {suffix}."
+            )
+        return suffix

@@ -13,14 +13,16 @@ from stages.shared.file_names import FileNames
 from stages.shared.formats.robot_rig import robot_named
 from stages.shared.formats.robot_write import csv_of_rows, notes_of_rows, rows_of_motion
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
+from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, check_replaceable, check_written, write_output
 from stages.shared.progress import SILENT, Progress
 
 _SUFFIXES = {**SUFFIXES, "robot-csv": ".csv"}
 
 
+@over_files
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Write one clip to a file, or every clip to a folder.
+    """Write one clip to a file, or every clip to a folder; of several recordings, one file each.
 
     Raises: UsageError where it is not said what to write; InputError where the input is none, has no such clip, or
         the rig does not correspond.
@@ -47,6 +49,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         check(path_of(name))
     progress.start("Writing clips", len(names) if names else None)
     written: list[Path] = []
+    frames = 0
     notes: list[str] = []
     for clip in clips_of(config):
         if not into_folder and written:
@@ -56,6 +59,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         data, remarks = _data_of(clip, kind, config)
         write_output(path, data)
         written.append(path)
+        frames += clip.motion.frames
         if into_folder and path.name != f"{clip.name}{_SUFFIXES[kind]}":
             remarks = [
                 *remarks,
@@ -69,7 +73,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     return StageReport(
         output=config.output,
         lines=[f"wrote {where}", *dict.fromkeys(notes)],
-        figures={"format": kind, "files": [str(path) for path in written], "notes": notes},
+        figures={"format": kind, "files": [str(path) for path in written], "frames": frames, "notes": notes},
     )
 
 

@@ -7,11 +7,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import NAMES_OF, DeviceConfig, ManyFilesConfig, SeededConfig
+from stages.shared.contract import NAMES_OF, DeviceConfig, MotionFilesConfig, SeededConfig
 from stages.shared.weights.shipped import default_weights
 
 
-class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
+class Config(MotionFilesConfig, DeviceConfig, SeededConfig):
     """Fill a BVH, or a robot's joint angles, between its keyframes, on its own skeleton."""
 
     input: Path = Field(
@@ -57,10 +57,16 @@ class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
     frames: str | None = Field(
         None, description="The rows of the input are keyframes only, with these frame numbers in the output: 0,15,40."
     )
+    method: Literal["pumps", "concepts"] = Field(
+        "pumps",
+        description="pumps fills any rig by the models of --weights. concepts fills the rig that `pumps train "
+        "concepts` was given, from one whole keyframe to the next.",
+    )
     weights: str = Field(
         default_factory=default_weights,
         json_schema_extra={NAMES_OF: "weights"},
-        description="Weights that come with pumps, by name (`pumps weights list`), or a folder with ae and lms.",
+        description="Weights that come with pumps, by name (`pumps weights list`), or a folder with ae and lms; with "
+        "--method concepts the checkpoint of `pumps train concepts`.",
     )
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one."

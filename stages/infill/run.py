@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from data_schemas.errors import UsageError
-from data_schemas.skeleton import Motion, Skeleton
+from data_schemas.skeleton import Skeleton
 from stages.infill.config import Config
 from stages.infill.constrained import (
     check_constraints,
@@ -19,6 +19,7 @@ from stages.infill.constrained import (
     motion_of_keys,
     request_in_parts,
 )
+from stages.infill.fillers import Filler, filler_of
 from stages.infill.request import Request, request_of
 from stages.infill.row_files import RowFile, row_file
 from stages.infill.samples import with_samples
@@ -34,15 +35,8 @@ from stages.shared.contract import StageReport
 from stages.shared.formats.skeleton_map import read_skeleton_map
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
-from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.constraints.asked import Constraints
-from stages.shared.inference.constraints.fixed import Fixed
 from stages.shared.inference.filled import Filled
-from stages.shared.inference.filling import FillOptions, fill_motion
-from stages.shared.inference.kept_models import kept_models
-from stages.shared.inference.models import Models
-from stages.shared.inference.variation import variation_of
-from stages.shared.inference.varied_fills import varied_fill
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.many_files.file_runs import over_files
@@ -71,15 +65,15 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         check_file(config.model_copy(update={"output": output}), SUFFIXES.values())
     file = row_file(source_named(str(config.input)), config)
     progress.start("filling", 3)
-    models = kept_models(config.weights, config.device)
+    filler = filler_of(config)
     progress.advance(note="weights")
-    made = fill_files(file, config, models)
+    made = fill_files(file, config, filler)
     progress.advance(note="filled")
     converted = [_in_format_of(output, file, each) for output, each in zip(outputs, made, strict=True)]
     for output, (data, _) in zip(outputs, converted, strict=True):
         write_output(output, data)
     progress.advance(note="written")
-    report = _report(config, made[0], models, converted[0][1], time.perf_counter() - started)
+    report = _report(config, made[0], filler, converted[0][1], time.perf_counter() - started)
     if len(made) == 1:
         return report
     missing = made[0].request.missing - made[0].region.first
@@ -102,14 +96,15 @@ class FilledFile:
     notes: tuple[str, ...]
 
 
-def fill_files(file: RowFile, config: Config, models: Models, also: Constraints | None = None) -> list[FilledFile]:
+def fill_files(file: RowFile, config: Config, filler: Filler, also: Constraints | None = None) -> list[FilledFile]:
     """Fill a file of rows between its keys, `config.samples` times. Rows between keys are not read.
 
     Args:
         config: which frames are keys, and how to fill; its input, output and weights are not looked at.
+        filler: what fills (`filler_of`).
         also: constraints beside those of the config.
 
-    Returns: the usual fill first, then others, each with a residual of its own (`varied_fill`).
+    Returns: the usual fill first, then others (`Filler.fills`).
     Raises: UsageError for options that contradict each other; InputError for bad rows or frames, and for weights that
         do not hold how motions vary.
     """
@@ -128,7 +123,7 @@ def fill_files(file: RowFile, config: Config, models: Models, also: Constraints 
     else:
         request = request_of(config, file.frames, file.fps)
         skeleton, motion, notes = file.key_motion(request.key_rows, maps)
-    region = _region_of(request, models.window, motion.fps)
+    region = _region_of(request, filler.window, motion.fps)
     if asked.any:
         whole, fixed, constraint_notes = constrained_motion(skeleton, motion, request, parts, asked)
         rows = slice(region.first, region.first + region.frames)
@@ -137,17 +132,7 @@ def fill_files(file: RowFile, config: Config, models: Models, also: Constraints 
     else:
         given, fixed = motion_of_keys(motion.at(region.of_all), region.keys - region.first, region.frames), None
     known = np.isin(np.arange(region.frames), region.keys - region.first)
-    variation = variation_of(models) if config.samples > 1 else None  # before filling: weights may lack it
-    usual = _fill(skeleton, given, known, fixed, models, config)
-    fills = [usual]
-    if variation is not None:
-        fills += [
-            varied_fill(
-                skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
-                points=config.points, options=FillOptions(foot_lock=config.foot_lock), fixed=fixed,
-            )
-            for number in range(2, config.samples + 1)
-        ]  # fmt: skip
+    fills = filler.fills(skeleton, given, known, fixed, config)
     rows = request.key_rows[region.of_all]
     made = []
     for filled in fills:
@@ -182,32 +167,11 @@ def _region_of(request: Request, window: int, fps: float) -> Region:
     return Region(int(keys[low]), last - int(keys[low]) + 1, keys[of_all], of_all)
 
 
-def _fill(
-    skeleton: Skeleton,
-    motion: Motion,
-    known: np.ndarray,
-    fixed: Fixed | None,
-    models: Models,
-    config: Config,
-) -> Filled:
-    return fill_motion(
-        skeleton,
-        motion,
-        known,
-        SynthesisedClouds(models),
-        points=config.points,
-        seed=config.seed,
-        device=models.autoencoder.device,
-        options=FillOptions(foot_lock=config.foot_lock),
-        fixed=fixed,
-    )
-
-
-def _report(config: Config, made: FilledFile, models: Models, losses: list[str], seconds: float) -> StageReport:
+def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str], seconds: float) -> StageReport:
     request, region, skeleton, filled = made.request, made.region, made.skeleton, made.filled
     missing = request.missing
     fallbacks = fallbacks_of(skeleton, filled.plain, region.first, missing - region.first)
-    warnings = [*made.notes, *request.notes, *losses, *warnings_of(skeleton, filled, models.longest_gap)]
+    warnings = [*made.notes, *request.notes, *losses, *warnings_of(skeleton, filled, filler.longest_gap)]
     frames = filled.jump_frames + region.first
     gap_s = filled.longest_gap_s
     lines = [f"Note: {note}" for note in warnings]
@@ -220,8 +184,8 @@ def _report(config: Config, made: FilledFile, models: Models, losses: list[str],
     lines.append(line_of_skate(filled, config.foot_lock))
     lines += lines_of_pins(filled)
     lines.append(
-        f"Weights {models.name}, trained on {models.trained_on or 'data they do not name'}; "
-        f"licences: {'; '.join(models.licences).rstrip('.') or 'none named'}."
+        f"Weights {filler.name}, trained on {filler.trained_on or 'data they do not name'}; "
+        f"licences: {'; '.join(filler.licences).rstrip('.') or 'none named'}."
     )
     figures = {
         "frames": request.frames,
@@ -239,6 +203,6 @@ def _report(config: Config, made: FilledFile, models: Models, losses: list[str],
         "plain_foot_skate_mps": None if np.isnan(filled.base_skate_mps) else filled.base_skate_mps,
         "points_stray_m": filled.wander_m,
         "pins_off_mm": {name: off * 1000 for name, off in filled.pins_off_m.items()},
-        "licences": list(models.licences),
+        "licences": list(filler.licences),
     }
     return StageReport(output=config.output, lines=lines, figures=figures)

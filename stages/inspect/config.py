@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from stages.shared.contract import StageConfig
+from stages.shared.contract import ManyFilesConfig
 
 
-class Config(StageConfig):
+class Config(ManyFilesConfig):
     """Describe what a motion file holds."""
 
-    path: str = Field(
-        description="File of any format that pumps reads (FILE.zip!MEMBER too), or an archive or folder whose "
-        "files are listed."
+    table_columns: ClassVar[tuple[str, ...]] = ("joints", "fps", "problems")
+
+    input: str = Field(
+        description="File of any format that pumps reads (FILE.zip!MEMBER too), or an archive, folder or pattern "
+        "whose files are listed."
+    )
+    output: Path | None = Field(
+        None,
+        description="JSON file to write the description to (with --map, the map as TOML). For an archive, folder or "
+        "pattern, a folder: one such file each, and files.csv with a row each.",
     )
     map: bool = Field(False, description="Print only the skeleton map, as TOML to edit.")
     skeleton_map: Path | None = Field(
@@ -34,3 +42,7 @@ class Config(StageConfig):
     fps_override: float | None = Field(
         None, description="True frame rate in frames per second, if the file states a wrong one.", gt=0
     )
+
+    def suffix_of(self, own: str, writable: Collection[str]) -> str:
+        """JSON for a description, TOML for a map, whatever the input is."""
+        return ".toml" if self.map else ".json"

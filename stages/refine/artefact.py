@@ -9,10 +9,10 @@ from data_schemas.errors import PumpsError, UsageError
 from data_schemas.motion import MotionReader, MotionWriter
 from stages.refine.config import Config
 from stages.refine.page import page_of
-from stages.refine.refined import Refined, refined_motion
 from stages.refine.table import csv_of
 from stages.shared.concepts.actions import action_of, action_pattern
 from stages.shared.contract import StageReport
+from stages.shared.inference.refined_motion import Refined, refined_motion
 from stages.shared.inference.refining import ConceptModel
 from stages.shared.outputs import write_output
 from stages.shared.progress import Progress

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from stages.refine.config import Config
-from stages.refine.refined import Refined
 from stages.shared.concepts.body_positions import relative_poses
 from stages.shared.concepts.pose_pictures import COLOURS, figure
+from stages.shared.inference.refined_motion import Refined
 from stages.shared.markup import Markup, joined, markup
 from stages.shared.settings.command_line import command_line
 

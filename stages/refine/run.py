@@ -10,7 +10,6 @@ from data_schemas.notes import sentences_of
 from stages.refine.artefact import run_artefact
 from stages.refine.config import Config
 from stages.refine.page import page_of
-from stages.refine.refined import refined_motion
 from stages.refine.table import csv_of
 from stages.shared.contract import StageReport
 from stages.shared.formats.readers import recordings_in
@@ -18,6 +17,7 @@ from stages.shared.formats.recording import Asked, Recording
 from stages.shared.formats.skeleton_map import choose_map, read_skeleton_map
 from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES, bytes_of_motion, written_format
+from stages.shared.inference.refined_motion import refined_motion
 from stages.shared.inference.refining import load_concepts
 from stages.shared.outputs import check_artefact, check_file, write_output
 from stages.shared.progress import SILENT, Progress

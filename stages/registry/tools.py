@@ -310,8 +310,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         ("inspect",),
         "Show what a motion file holds: skeleton, body groups, unit, facing, frame rate, problems.",
-        ("any format",), "", "pumps inspect walk.bvh",
-        arguments=("path",), pipeline=False,
+        ("any format",), "JSON", "pumps inspect walk.bvh",
+        arguments=("input",), pipeline=False,
     ),
     Stage(
         ("data", "list"),

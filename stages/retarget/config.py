@@ -7,10 +7,10 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from stages.shared.contract import DeviceConfig, ManyFilesConfig, SeededConfig
+from stages.shared.contract import DeviceConfig, MotionFilesConfig, SeededConfig
 
 
-class Config(ManyFilesConfig, DeviceConfig, SeededConfig):
+class Config(MotionFilesConfig, DeviceConfig, SeededConfig):
     """Give a motion to another skeleton, of which no pose of the motion is known."""
 
     input: Path = Field(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
@@ -52,7 +52,12 @@ class ClusterConfig(StageConfig):
 
 class ManyFilesConfig(WritingConfig, ClusterConfig):
     """A stage that makes one file from another. Given a folder, glob or archive, it makes a file in the output folder
-    from each."""
+    from each.
+
+    table_columns: figures of each file's report that the table of all files has columns for.
+    """
+
+    table_columns: ClassVar[tuple[str, ...]] = ()
 
     jobs: int = Field(
         0,
@@ -61,15 +66,37 @@ class ManyFilesConfig(WritingConfig, ClusterConfig):
         ge=0,
         le=1024,
     )
+
+    def outputs_of(self, output: Path) -> tuple[Path, ...]:
+        """The files that are written where `output` is asked for."""
+        return (output,)
+
+    def suffix_of(self, own: str, writable: Collection[str]) -> str:
+        """The suffix of the file that is written for one of a folder, glob or archive.
+
+        Args:
+            own: the input's suffix. writable: suffixes of the formats of motion that pumps writes.
+
+        Raises: UsageError for a suffix that the stage does not write.
+        """
+        raise NotImplementedError
+
+
+class MotionFilesConfig(ManyFilesConfig):
+    """A stage that makes one file of motion from another."""
+
     suffix: str | None = Field(
         None,
         description="Suffix of the files written for a folder, glob or archive, such as .glb; by default each "
         "input's own where pumps writes it, else .bvh.",
     )
 
-    def outputs_of(self, output: Path) -> tuple[Path, ...]:
-        """The files that are written where `output` is asked for."""
-        return (output,)
+    def suffix_of(self, own: str, writable: Collection[str]) -> str:
+        if self.suffix is None:
+            return own if own in writable else ".bvh"
+        if self.suffix.lower() not in writable:
+            raise UsageError(f"--suffix {self.suffix} is not one that pumps writes.", f"Give {', '.join(writable)}.")
+        return self.suffix
 
 
 class DeviceConfig(StageConfig):

@@ -10,6 +10,7 @@ files and folders in DISK that are not as they were.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import resource
@@ -20,6 +21,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from tests.forked_processes import import_everything
 from tests.full_disk.writing_commands import FIRST_FORMS, PREPARED, WRITINGS, Writing
 
 BLOCK = 4096
@@ -33,7 +35,8 @@ def main(made: Path, disk: Path, situations: list[str]) -> None:
         situations: "empty" for nothing free and no old output, with one form of each command; "half" for half
             of what is needed beside an old output, with all forms.
     """
-    _import_everything()
+    import_everything()
+    gc.freeze()  # the forked processes shall not go through, and so copy, all objects of the imports
     for writing in (WRITINGS[0], *PREPARED, *WRITINGS[1:]):
         out = _prepare(writing, made, made / writing.name)
         print(json.dumps(["made", writing.name, *_run(writing, made, out), []]), flush=True)
@@ -150,17 +153,6 @@ def _become(words: list[str], told: int, before: Callable[[], object] | None) ->
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
-
-
-def _import_everything() -> None:
-    """Load what commands load, once; for an optimiser, torch loads its compiler."""
-    import torch
-
-    from stages.registry import STAGES
-
-    for stage in STAGES:
-        stage.runner()
-    torch.optim.AdamW([torch.zeros(1, requires_grad=True)])
 
 
 if __name__ == "__main__":

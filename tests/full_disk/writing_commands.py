@@ -235,6 +235,7 @@ WRITINGS = (
         "--predictions 15 --window 46 --points 32 --device cpu",
         adds_to="packed",
     ),
+    Writing("described.json", "inspect", f"{CLIPS}/kick.bvh -o {{out}}"),
     *(
         Writing(f"one{suffix}", "export", f"{CLIPS}/kick.bvh -o {{out}}")
         for suffix in (".glb", ".npz", ".csv", ".parquet")

@@ -67,7 +67,7 @@ def test_inspect_does_not_ask_for_a_rate_that_was_given(tmp_path):
     path = tmp_path / "in.bvh"
     path.write_text(BvhText(frames=5, frame_time="0.0339259").text())
     for rate, asked in ((None, True), (29.476, False)):
-        report = inspect(InspectConfig(path=str(path), fps_override=rate))
+        report = inspect(InspectConfig(input=str(path), fps_override=rate))
         assert any("--fps-override" in line for line in report.lines) == asked
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,11 +11,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class Run:
-    """`make fill` in a folder of its own, on a data folder of its own, with stages that only leave targets."""
+    """`make fill` in a folder of its own, on a data folder of its own, with stages that only leave targets.
+
+    python: the words of the command that runs `fake_pumps.py`.
+    """
 
     target = "fill"
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, python: Sequence[str]):
+        self.python = python
         self.data = folder / "data"
         self.data.mkdir()
         for name in ("a", "b"):
@@ -28,7 +31,7 @@ class Run:
     def make(self, *settings: str, fail: str = "", flags: Sequence[str] = (), code: int = 0) -> list[str]:
         """Run it and give the stages that ran, in order."""
         self.log.write_text("")
-        fake = f"{sys.executable} {Path(__file__).parent / 'fake_pumps.py'}"
+        fake = f"{' '.join(self.python)} {Path(__file__).parent / 'fake_pumps.py'}"
         command = [
             "make", self.target,
             f"PUMPS={fake}", f"RUNS={self.runs}", "RUN=it", f"DATA={self.data}", "PRESET=tiny",

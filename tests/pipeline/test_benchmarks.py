@@ -51,6 +51,22 @@ def only_here():
     assert "new: left out" in capsys.readouterr().err
 
 
+def test_a_tenth_more_time_is_no_fault_and_any_more_is(tmp_path, monkeypatch):
+    """By processes that stand in for two versions and tell given seconds, before and after."""
+    script = benchmark_script("two_versions")
+    stand_in = """
+import sys
+after, seconds = sys.argv[1] == sys.argv[2], eval(sys.argv[3])
+for _ in seconds: print("ready", flush=True)
+for line in sys.stdin: print(eval(seconds[int(line)])[after], flush=True)
+"""
+    monkeypatch.setattr(script, "SERVER", stand_in)
+    monkeypatch.setattr(script, "BUILDERS", str(script.HERE.resolve()))
+    cases = {"faster": "(1.0, 0.5)", "noise": "(1.0, 1.09)", "slower": "(1.0, 1.11)"}
+    lines, slower = script.comparison(tmp_path, cases, rounds=2, most=1.1)
+    assert slower == ["slower"] and [line.endswith("| slower |") for line in lines[2:]] == [False, False, True]
+
+
 def test_a_version_whose_process_fails_is_an_error(tmp_path):
     script = benchmark_script("two_versions")
     with pytest.raises(SystemExit, match="ended early"):

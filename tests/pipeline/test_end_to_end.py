@@ -22,7 +22,7 @@ from data_schemas.manifest import open_artefact
 from data_schemas.metrics import read_metrics
 from stages.shared.formats.bvh import read_bvh
 from tests.docs.pages import ROOT, commands
-from tests.pipeline.tiny_pipeline import CLIPS, PUMPS, SETTINGS, TRAINING
+from tests.pipeline.tiny_pipeline import CLIPS, SETTINGS, TRAINING
 
 ARTEFACTS = ("ingest", "sample-tpc", "train-ae", "encode", "train-lms", "decode", "evaluate")
 
@@ -30,8 +30,8 @@ ARTEFACTS = ("ingest", "sample-tpc", "train-ae", "encode", "train-lms", "decode"
 class Pipeline:
     """A place with the data, the run and a link to the embedded clips, as a user's clone has them."""
 
-    def __init__(self, place: Path):
-        self.place = place
+    def __init__(self, place: Path, python: tuple[str, ...]):
+        self.place, self.pumps = place, (*python, "-m", "pumps_cli")
         self.run = place / "runs" / "demo"
         self.data = place / "data"
         self.data.mkdir(parents=True)
@@ -50,7 +50,7 @@ class Pipeline:
         settings = " ".join(f"{name}={json.dumps(value, separators=(',', ':'))}" for name, value in SETTINGS.items())
         kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
         command = [
-            "make", "fill", f"PUMPS={' '.join(PUMPS)}", f"RUNS={self.place / 'runs'}", "RUN=demo",
+            "make", "fill", f"PUMPS={' '.join(self.pumps)}", f"RUNS={self.place / 'runs'}", "RUN=demo",
             f"DATA={self.data}", "PRESET=tiny", f"SET={settings}",
         ]  # fmt: skip
         environment = {**kept, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
@@ -73,9 +73,9 @@ class Pipeline:
 
 
 @pytest.fixture(scope="module")
-def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
+def pipeline(tmp_path_factory: pytest.TempPathFactory, fast_python: tuple[str, ...]) -> Pipeline:
     """A pipeline that was killed outright in the middle of the first training, and then ran to its end."""
-    pipeline = Pipeline(tmp_path_factory.mktemp("pipeline"))
+    pipeline = Pipeline(tmp_path_factory.mktemp("pipeline"), fast_python)
     killed = pipeline.make()
     partial = pipeline.run / "train-ae.partial" / "checkpoints"
     deadline = time.monotonic() + 200
@@ -165,5 +165,7 @@ def test_the_commands_of_the_pages_do_what_they_say(pipeline: Pipeline):
         if words[0] == "evaluate":
             words += ["--max-windows", "1", "--points", "32", "--intervals", "15", "--transitions", "15"]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
-        done = subprocess.run([*PUMPS, *words], cwd=pipeline.place, env=environment, capture_output=True, text=True)
+        done = subprocess.run(
+            [*pipeline.pumps, *words], cwd=pipeline.place, env=environment, capture_output=True, text=True
+        )
         assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"

@@ -24,8 +24,8 @@ FIELDS = {
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
-    return Run(tmp_path)
+def run(tmp_path: Path, light_python: tuple[str, ...]) -> Run:
+    return Run(tmp_path, light_python)
 
 
 def in_order(ran: Sequence[str]) -> bool:

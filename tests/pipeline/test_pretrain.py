@@ -8,6 +8,8 @@ import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,7 +18,7 @@ from data_schemas.artefact import verify
 from data_schemas.tpc import TpcReader
 from stages.shared.weights.facts import facts_of
 from tests.docs.pages import ROOT
-from tests.pipeline.tiny_pipeline import CLIPS, PUMPS, SETTINGS
+from tests.pipeline.tiny_pipeline import CLIPS, SETTINGS
 
 STEPS = {
     "train-ae.steps": 30, "train-lms.steps": 12, "train-ae.validate_every": 15, "train-lms.validate_every": 6,
@@ -29,12 +31,18 @@ SMALL = {
 }  # fmt: skip
 
 
-def _make(place: Path, goal: str, **options: object) -> subprocess.Popen[str]:
+@pytest.fixture
+def make(fast_python: tuple[str, ...]) -> Callable[..., subprocess.Popen[str]]:
+    """Starts make for a goal, in a process group of its own."""
+    return partial(_make, fast_python)
+
+
+def _make(python: tuple[str, ...], place: Path, goal: str, **options: object) -> subprocess.Popen[str]:
     settings = " ".join(f"{name}={json.dumps(value, separators=(',', ':'))}" for name, value in SMALL.items())
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
     words = [f"{name}={value}" for name, value in options.items()]
     command = [
-        "make", goal, f"PUMPS={' '.join(PUMPS)}", f"RUNS={place / 'runs'}", f"DATA={place / 'data'}",
+        "make", goal, f"PUMPS={' '.join(python)} -m pumps_cli", f"RUNS={place / 'runs'}", f"DATA={place / 'data'}",
         "FPS_OVERRIDE=", f"SET={settings}", "RECIPE=small", *words,
     ]  # fmt: skip
     environment = {**kept, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
@@ -59,12 +67,12 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_slices_and_a_kill_end_in_packed_weights(place: Path) -> None:
+def test_slices_and_a_kill_end_in_packed_weights(place: Path, make: Callable[..., subprocess.Popen[str]]) -> None:
     run = place / "runs" / "small"
-    killed = _make(place, "pretrain")
-    partial = run / "train-ae.partial" / "checkpoints"
+    killed = make(place, "pretrain")
+    checkpoints = run / "train-ae.partial" / "checkpoints"
     deadline = time.monotonic() + 200
-    while killed.poll() is None and not (partial.is_dir() and any(partial.glob("*/manifest.json"))):
+    while killed.poll() is None and not (checkpoints.is_dir() and any(checkpoints.glob("*/manifest.json"))):
         assert time.monotonic() < deadline, "the training never wrote a checkpoint"
         time.sleep(0.02)
     os.killpg(killed.pid, signal.SIGKILL)
@@ -73,13 +81,13 @@ def test_slices_and_a_kill_end_in_packed_weights(place: Path) -> None:
         assert reader.artefact.manifest.config["pack"] is True
     before = (run / "sample-tpc" / "manifest.json").stat().st_mtime_ns
 
-    first = _make(place, "pretrain", SLICE="0.002")
+    first = make(place, "pretrain", SLICE="0.002")
     said = _said(first)
     assert first.returncode != 0 and "run make again to go on" in said, said
     # On another machine: what was packed of the data, the settings, and the training so far.
     away = place / "away"
     shutil.copytree(run, away / "runs" / "small", ignore=shutil.ignore_patterns("ingest"))
-    there = _make(away, "pretrain", SLICE="9")
+    there = make(away, "pretrain", SLICE="9")
     said = _said(there)
     assert there.returncode == 0, said
     assert "going on from step" in said
@@ -91,16 +99,16 @@ def test_slices_and_a_kill_end_in_packed_weights(place: Path) -> None:
     # Further steps from there, twice, each time from the mean of the last end and beginning.
     for name in ("config", "sample-tpc"):
         shutil.copytree(run / name, away / "runs" / "longer" / name)
-    more = _make(away, "pretrain", RUN="longer", INITIAL=packed, AE=packed / "ae", ROUNDS=2)
+    more = make(away, "pretrain", RUN="longer", INITIAL=packed, AE=packed / "ae", ROUNDS=2)
     said = _said(more)
     assert more.returncode == 0 and "mean of 2 checkpoints" in said, said
     assert facts_of(away / "runs" / "longer" / "packed" / "small")["steps"] == {"autoencoder": 30, "synthesiser": 36}
 
-    bundled = _make(away, "pretrain-bundle", TO=place / "bundle")
+    bundled = make(away, "pretrain-bundle", TO=place / "bundle")
     assert bundled.wait(100) == 0 and (place / "bundle" / "small.tar.aa").stat().st_size < 15 * 2**20
     # Home again: what came back is measured on the test clips.
     shutil.copytree(away / "runs" / "small" / "packed", run / "packed")
-    home = _make(place, "pretrain-measure")
+    home = make(place, "pretrain-measure")
     said = _said(home)
     assert home.returncode == 0, said
     measured = run / "measured" / "small"

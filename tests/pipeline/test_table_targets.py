@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -31,8 +32,8 @@ MEMBERS = {"cmu-various": ["cmu-various/06/06_01.bvh"]}  # which recipes name: t
 class Table(Run):
     """The same, of another target, whose installation counts as done."""
 
-    def __init__(self, folder: Path, target: str):
-        super().__init__(folder)
+    def __init__(self, folder: Path, target: str, python: Sequence[str]):
+        super().__init__(folder, python)
         self.target = target
         self.venv = folder / "venv"
         (self.venv / "bin").mkdir(parents=True)
@@ -45,8 +46,14 @@ class Table(Run):
 
 
 @pytest.fixture
-def table(tmp_path: Path) -> Table:
-    return Table(tmp_path, "table2")
+def table_of(tmp_path: Path, light_python: tuple[str, ...]) -> Callable[[str], Table]:
+    """The table of a target, in the test's folder."""
+    return lambda target: Table(tmp_path, target, light_python)
+
+
+@pytest.fixture
+def table(table_of: Callable[[str], Table]) -> Table:
+    return table_of("table2")
 
 
 ROWS = [name for name in read_recipe("table2").nodes if name.startswith("rows/")]
@@ -71,8 +78,8 @@ def test_every_row_is_trained_once_and_all_are_measured_together(table: Table):
     assert table.make("train-ae.steps=9", "rows/chamfer.steps=8") == ["train-ae", "measure-ae"]
 
 
-def test_table_1_trains_and_measures_every_method_by_itself(tmp_path: Path):
-    table = Table(tmp_path, "table1")
+def test_table_1_trains_and_measures_every_method_by_itself(tmp_path: Path, table_of: Callable[[str], Table]):
+    table = table_of("table1")
     names = list(read_recipe("table1", data_folder="data").nodes)
     shared = tmp_path / "shared"
     shared.mkdir()
@@ -95,34 +102,34 @@ def test_a_table_that_was_cut_off_goes_on_where_it_was(table: Table):
     assert table.make() == ["measure-ae"]
 
 
-def test_weights_are_measured_on_archives_that_they_never_saw(tmp_path: Path):
-    report = Table(tmp_path, "held-out")
+def test_weights_are_measured_on_archives_that_they_never_saw(table_of: Callable[[str], Table]):
+    report = table_of("held-out")
     assert report.make() == ["ingest", "evaluate"]
     assert report.make() == []
     assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
 
 
-def test_weights_are_measured_on_rigs_that_they_never_saw(tmp_path: Path):
-    report = Table(tmp_path, "unseen-rigs")
+def test_weights_are_measured_on_rigs_that_they_never_saw(table_of: Callable[[str], Table]):
+    report = table_of("unseen-rigs")
     assert sorted(report.make()) == ["data-rerig", "evaluate", "ingest", "ingest"]
     assert report.make() == []
     assert report.make(flags=("HELD_OUT_WEIGHTS=tiny",)) == ["evaluate"]
 
 
-def test_shipped_weights_are_measured_once_for_all_tables_about_them(tmp_path: Path):
-    report = Table(tmp_path, "weights-report")
+def test_shipped_weights_are_measured_once_for_all_tables_about_them(table_of: Callable[[str], Table]):
+    report = table_of("weights-report")
     assert sorted(report.make()) == ["data-rerig", *["evaluate"] * 6, "ingest", "ingest"]
     assert report.make() == []
 
 
-def test_the_latent_report_needs_recordings_alone(tmp_path: Path):
-    report = Table(tmp_path, "latent-report")
+def test_the_latent_report_needs_recordings_alone(table_of: Callable[[str], Table]):
+    report = table_of("latent-report")
     assert report.make() == ["ingest", "measure-latents"]
     assert report.make() == []
 
 
-def test_solve_pages_play_what_was_made_for_each_rig_truth_first(tmp_path: Path):
-    pages = Table(tmp_path, "solve-pages")
+def test_solve_pages_play_what_was_made_for_each_rig_truth_first(table_of: Callable[[str], Table]):
+    pages = table_of("solve-pages")
     assert pages.make() == ["ingest", "measure-solve", "report"]
     assert (pages.runs / "it" / "solve.html").exists() and pages.make() == []
 
@@ -137,8 +144,10 @@ def _archives(folder: Path, names: list[str]) -> None:
 
 
 @pytest.mark.parametrize("target", RECIPE_OF)
-def test_every_recipe_runs_to_its_end_on_archives_of_its_names_and_then_no_more(tmp_path: Path, target: str):
-    table = Table(tmp_path, target)
+def test_every_recipe_runs_to_its_end_on_archives_of_its_names_and_then_no_more(
+    tmp_path: Path, table_of: Callable[[str], Table], target: str
+):
+    table = table_of(target)
     recipe = read_recipe(RECIPE_OF[target])
     _archives(tmp_path / "shared", list(recipe.data.archives))
     flags = (f"SHARED_DATA={tmp_path / 'shared'}", "DATA=", "ROUNDS=3", "CALIBRATE=stages/shared/clips")
@@ -148,8 +157,10 @@ def test_every_recipe_runs_to_its_end_on_archives_of_its_names_and_then_no_more(
 
 
 @pytest.mark.parametrize("target", RECIPE_OF)
-def test_a_table_without_its_archives_says_which_and_where_they_come_from(tmp_path: Path, target: str):
-    table = Table(tmp_path, target)
+def test_a_table_without_its_archives_says_which_and_where_they_come_from(
+    tmp_path: Path, table_of: Callable[[str], Table], target: str
+):
+    table = table_of(target)
     recipe = read_recipe(RECIPE_OF[target])
     flags = (f"SHARED_DATA={tmp_path / 'nowhere'}", "DATA=")
     if recipe.data.embedded and recipe.data.missing == "left-out":
@@ -187,9 +198,9 @@ def test_rounds_begin_with_the_mean_of_the_last_ones_end_and_beginning():
     assert once.nodes["packed/small"].inputs == (("run", "."),)
 
 
-def test_every_recipe_is_read_and_its_makefile_stands_alone(tmp_path: Path):
+def test_every_recipe_is_read_and_its_makefile_stands_alone(table_of: Callable[[str], Table]):
     assert {*RECIPE_OF.values(), "small-free"} == set(recipe_names())
-    table = Table(tmp_path, "table2")
+    table = table_of("table2")
     table.make(fail="ingest", code=2)
     makefile = table.runs / "it" / "run.mk"
     shown = subprocess.run(["make", "-n", "-f", makefile], cwd=ROOT, capture_output=True, text=True, check=True)

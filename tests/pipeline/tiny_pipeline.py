@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 from tests.docs.pages import ROOT
 
 CLIPS = ROOT / "stages" / "shared" / "clips"
-
-PUMPS = (sys.executable, "-m", "pumps_cli")
 
 TRAINING = {
     "steps": 6, "batch": 2, "window": 16, "points": 32, "warmup": 2, "validate_every": 3, "checkpoint_every": 1,

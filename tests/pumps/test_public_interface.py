@@ -236,9 +236,9 @@ def test_the_page_names_all_of_it():
 
 
 @pytest.mark.parametrize("code", EXAMPLES)
-def test_every_line_of_the_pages_runs(code: str, tmp_path: Path):
+def test_every_line_of_the_pages_runs(code: str, tmp_path: Path, fast_python: tuple[str, ...]):
     for name in ("stages", "docs"):
         (tmp_path / name).symlink_to(ROOT / name)
     environment = {"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    done = subprocess.run([*fast_python, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -74,7 +74,7 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
-def test_a_walk_through_the_page(browser: Any, tmp_path: Path) -> None:
+def test_a_walk_through_the_page(browser: Any, tmp_path: Path, fast_python: tuple[str, ...]) -> None:
     folder = tmp_path / "motions"
     folder.mkdir()
     shutil.copy(CLIPS / "walk.bvh", folder)
@@ -150,7 +150,7 @@ def test_a_walk_through_the_page(browser: Any, tmp_path: Path) -> None:
     saved = (folder / "filled.bvh").read_bytes()
     (folder / "filled.bvh").unlink()
     assert commands == ["pumps infill walk.bvh --constraints filled.json --device=cpu -o filled.bvh"]
-    words = [sys.executable, "-m", "pumps_cli", *shlex.split(commands[0])[1:], "--quiet"]
+    words = [*fast_python, "-m", "pumps_cli", *shlex.split(commands[0])[1:], "--quiet"]
     subprocess.run(words, cwd=folder, check=True, env=_ENVIRONMENT)
     assert (folder / "filled.bvh").read_bytes() == saved
     assert not wrong

@@ -6,7 +6,6 @@ import json
 import os
 import shlex
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -83,7 +82,9 @@ def test_bad_constraints_and_files_are_sentences(page: Page) -> None:
     assert page.ask("sessions") == known, "a file that cannot be read begins no session"
 
 
-def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(page: Page) -> None:
+def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(
+    page: Page, fast_python: tuple[str, ...]
+) -> None:
     folder = page.bench.folder.path
     session = page.ask("open", "POST", {"file": "kick.bvh"})
     job = page.wait(page.post(session, "edit", verb="trim", options={"frames": "3:40"}))
@@ -104,7 +105,7 @@ def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(page: Page
     saved = (folder / "saved.bvh").read_bytes()
     (folder / "saved.bvh").unlink()
     for line in made["commands"]:
-        words = [sys.executable, "-m", "pumps_cli", *shlex.split(line)[1:], "--quiet"]
+        words = [*fast_python, "-m", "pumps_cli", *shlex.split(line)[1:], "--quiet"]
         subprocess.run(words, cwd=folder, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert (folder / "saved.bvh").read_bytes() == saved
     gone = page.post(session, "discard", motion=session["state"]["results"][0])

@@ -12,6 +12,9 @@ from stages.shared.concepts.body_positions import Body
 from stages.shared.kinematics.forward_numpy import positions_of
 from stages.shared.kinematics.rotations import continuous_signs, smallest_turn
 
+_NO_LENGTH_M = 0.005  # a bone shorter than this points nowhere
+_TOWARDS_NONE = 1e-4  # how much no turn is preferred, as a share of the vectors' squared lengths
+
 
 def follow_positions(skeleton: Skeleton, motion: Motion, body: Body, targets: np.ndarray) -> Motion:
     """The motion with its body moved to positions.
@@ -27,8 +30,9 @@ def follow_positions(skeleton: Skeleton, motion: Motion, body: Body, targets: np
     targets = np.asarray(targets, np.float64)
     turns: dict[int, Rotation] = {}
     rotations = motion.rotations.astype(np.float64)
+    apart = _lengths(now, body)
     for at, joint in enumerate(body.joints.tolist()):
-        below = np.flatnonzero(body.parents == at)
+        below = _pointed_at(at, body.parents, apart)
         above = turns.get(int(body.joints[body.parents[at]])) if at else None
         if not len(below):
             turns[joint] = above if above is not None else Rotation.identity(motion.frames)
@@ -59,9 +63,26 @@ def follow_positions(skeleton: Skeleton, motion: Motion, body: Body, targets: np
     )
 
 
+def _lengths(places: np.ndarray, body: Body) -> np.ndarray:
+    """(J,) longest distance of a joint from its parent, metres, on a body of `STATURE_M`."""
+    return body.scale * np.linalg.norm(places - places[:, np.maximum(body.parents, 0)], axis=-1).max(0, initial=0)
+
+
+def _pointed_at(at: int, parents: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """The joints to which a joint's bones lead. A joint that lies on its parent, as the hips of ASF files do, gives
+    no direction: those below it are taken in its place."""
+    found: list[int] = []
+    for child in np.flatnonzero(parents == at).tolist():
+        found += [child] if lengths[child] > _NO_LENGTH_M else _pointed_at(child, parents, lengths).tolist()
+    return np.array(found, int)
+
+
 def _best_turns(old: np.ndarray, new: np.ndarray) -> Rotation:
-    """Rotations of least squared error from vectors (T, K, 3) to others (Kabsch)."""
-    left, _, right = np.linalg.svd(new.transpose(0, 2, 1) @ old)
+    """Rotations of least squared error from vectors (T, K, 3) to others (Kabsch); where several are as good, as
+    around vectors on one line, the smallest of them."""
+    both = new.transpose(0, 2, 1) @ old
+    size = np.square(old).sum((-1, -2))
+    left, _, right = np.linalg.svd(both + _TOWARDS_NONE * size[:, None, None] * np.eye(3))
     signs = np.ones((len(old), 3))
     signs[:, 2] = np.sign(np.linalg.det(left @ right))
     return Rotation.from_matrix((left * signs[:, None]) @ right)

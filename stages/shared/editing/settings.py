@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from stages.shared.contract import ManyFilesConfig, WritingConfig
+from stages.shared.contract import MotionFilesConfig, WritingConfig
 
 _INPUT = (
     "Motion to change: a BVH, whose text and untouched rows stay, a robot's joint angles, or any format that pumps "
@@ -40,7 +40,7 @@ class EditConfig(WritingConfig):
     )
 
 
-class ManyEditsConfig(EditConfig, ManyFilesConfig):
+class ManyEditsConfig(EditConfig, MotionFilesConfig):
     """The same of each file in a folder, archive or pattern."""
 
     input: Path = Field(description=f"{_INPUT}; of a folder, archive or pattern, each file is changed.")

@@ -90,8 +90,8 @@ class Autoencoder:
             for some in batches_of(self.spans(len(times)) if spans is None else spans):
                 made = self.decoder(
                     *(rows_of(part, some) for part in (latents, centroids, times.float())),
-                    groups.expand(len(some), -1),
-                    noise.expand(len(some), *noise.shape),
+                    groups.unsqueeze(0),
+                    noise.unsqueeze(0),
                 )
                 for span, points in zip(some, made, strict=True):
                     fade = span.fade.to(self.device)[:, None, None]

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
+from data_schemas.trainings import last_sentence
+from stages.shared.concepts.body_positions import Body
 from stages.shared.concepts.quality import AnchorQuality
 from stages.shared.concepts.sequences import LEAST_FRAMES, placing_of, segment_arrays
 from stages.shared.inference.bounded_network import build_bounded
@@ -26,7 +30,7 @@ _APART = 3  # frames between two anchors, at least
 @dataclass(frozen=True)
 class ConceptModel:
     """Trained networks. actions: their names; names, parents, groups: of the body's joints; window: frames seen at
-    once; quality: of each action's anchors; licences: of the training data."""
+    once; quality: of each action's anchors; licences: of the training data; trained_on: what that was."""
 
     networks: ConceptNetworks
     actions: tuple[str, ...]
@@ -36,6 +40,8 @@ class ConceptModel:
     fps: float
     window: int
     quality: dict[int, AnchorQuality]
+    licences: tuple[str, ...]
+    trained_on: str
     device: torch.device
 
     def action(self, name: str) -> int:
@@ -62,9 +68,10 @@ class Refinement:
 
 def load_concepts(path: Path, device: str) -> ConceptModel:
     """Read a checkpoint of `pumps train concepts`. Raises InputError if it is another network's, or damaged."""
-    stored = read_checkpoint(path, optimiser=False)
+    artefact = open_artefact(path, "checkpoint")
+    stored = read_checkpoint(artefact, optimiser=False)
     config = stored.config
-    if config.get("network") != "concepts":
+    if not is_concepts(config):
         raise InputError(f"{path} holds no motion concepts.", "Give a checkpoint of `pumps train concepts`.")
     where = choose_device(device)
     weights = stored.weights
@@ -100,8 +107,26 @@ def load_concepts(path: Path, device: str) -> ConceptModel:
         float(config["fps"]),
         int(config["window"]),
         {action: AnchorQuality.of_arrays(arrays) for action, arrays in quality.items()},
+        tuple(artefact.manifest.licences),
+        last_sentence(stored.trainings),
         where,
     )
+
+
+def is_concepts(config: Mapping[str, Any]) -> bool:
+    """Whether a checkpoint's config is that of motion concepts."""
+    return config.get("network") == "concepts"
+
+
+def kept_concepts(path: Path, device: str) -> ConceptModel:
+    """As `load_concepts`, kept in memory for the next file, and loaded again where files have changed."""
+    return _loaded(path, device, open_artefact(path, "checkpoint").manifest.digest)
+
+
+@lru_cache(maxsize=2)
+def _loaded(path: Path, device: str, digest: str) -> ConceptModel:
+    """`digest` is that of the checkpoint's files."""
+    return load_concepts(path, device)
 
 
 def _body_of(config: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
@@ -112,6 +137,16 @@ def _body_of(config: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     if not whole or not all(isinstance(each, int | float) and each > 0 for each in rates):
         raise InputError(f"{path} is damaged: it does not describe its body, rate and window.", "Train it again.")
     return body  # pyright: ignore[reportReturnType]
+
+
+def check_rig(model: ConceptModel, body: Body, name: str) -> None:
+    """Raises InputError where the body of the motion `name` is another than the networks were trained on."""
+    if body.names != model.names or (body.parents != model.parents).any():
+        raise InputError(
+            f"{name} is on another rig ({len(body.names)} joints, {body.names[0]} ...) than the "
+            f"weights were trained on ({len(model.names)} joints, {model.names[0]} ...).",
+            "Put it on that rig first: pumps retarget IN --to RIG.bvh -o OUT.bvh.",
+        )
 
 
 def refine(
@@ -175,12 +210,19 @@ def judged(model: ConceptModel, positions: np.ndarray, kind: int) -> tuple[np.nd
 
 
 def sampled_transition(
-    model: ConceptModel, first: np.ndarray, last: np.ndarray, steps: int, generator: torch.Generator | None
+    model: ConceptModel,
+    first: np.ndarray,
+    last: np.ndarray,
+    steps: int,
+    generator: torch.Generator | None,
+    *,
+    fps: float | None = None,
 ) -> np.ndarray:
     """(steps + 1, J, 3) frames from one anchor (J, 3) to another; the ends are the anchors themselves.
 
     Args:
         generator: draws the code of the transition; None takes the most likely one, zero.
+        fps: frames a second; by default the model's. The transition is a cubic, so any rate will do.
     """
     placing = placing_of(first[None], model.groups)
     ends = [torch.from_numpy(placing.put(pose).reshape(1, -1)).float().to(model.device) for pose in (first, last)]
@@ -188,7 +230,7 @@ def sampled_transition(
     code = torch.zeros(1, network.latent)
     if generator is not None:
         code = torch.randn(1, network.latent, generator=generator)
-    seconds = torch.tensor([steps / model.fps], device=model.device, dtype=torch.float32)
+    seconds = torch.tensor([steps / (fps or model.fps)], device=model.device, dtype=torch.float32)
     times = torch.linspace(0, 1, steps + 1, device=model.device)[None]
     with torch.no_grad():
         frames = at_times(network.decoded(ends[0], ends[1], seconds, code.to(model.device)), times)[0]

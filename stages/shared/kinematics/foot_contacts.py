@@ -26,6 +26,7 @@ import numpy as np
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
+from stages.shared.kinematics.quantiles import percentile
 
 LEGS = (BODY_GROUPS.index("left_leg"), BODY_GROUPS.index("right_leg"))
 HEIGHT_SHARE = 0.06
@@ -125,7 +126,7 @@ def floor_levels(positions: np.ndarray, feet: Feet, known: np.ndarray | None = N
     for end in (False, True):
         alike = np.flatnonzero(feet.is_end == end)
         if len(alike):
-            levels[alike] = np.percentile(heights[:, alike], LEVEL_PERCENTILE)
+            levels[alike] = percentile(heights[:, alike].reshape(-1), LEVEL_PERCENTILE)
     return levels
 
 
@@ -187,14 +188,16 @@ def foot_skate_mps(positions: np.ndarray, contacts: np.ndarray, feet: Feet, fps:
 
 def _long_runs(flags: np.ndarray, least: int) -> np.ndarray:
     """Flags (T, F) without the runs of True that are shorter than `least`; runs at the ends may be cut, and stay."""
-    out = flags.copy()
-    for column in range(flags.shape[1]):
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(flags[:, column])) + 1, [len(flags)]])
-        lengths = np.diff(starts)
-        short = lengths < least
-        short[[0, -1]] = False
-        out[:, column] &= ~np.repeat(short, lengths)
-    return out
+    if not len(flags):
+        return flags.copy()
+    columns = np.ascontiguousarray(flags.T)  # all columns in a row; each begins a run
+    begins = np.ones(columns.shape, bool)
+    np.not_equal(columns[:, 1:], columns[:, :-1], out=begins[:, 1:])
+    starts = np.flatnonzero(begins)
+    lengths = np.diff(starts, append=columns.size)
+    at_an_end = (starts % len(flags) == 0) | ((starts + lengths) % len(flags) == 0)
+    short = np.repeat((lengths < least) & ~at_an_end, lengths)
+    return np.ascontiguousarray((columns & ~short.reshape(columns.shape)).T)
 
 
 def and_below(parents: np.ndarray, joints: Iterable[int], but: Iterable[int] = ()) -> list[int]:

@@ -19,6 +19,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
 from stages.shared.kinematics.foot_contacts import Feet, find_feet
+from stages.shared.kinematics.quantiles import median, percentile
 
 GRAVITY = 9.81
 LOW_PASS_HZ = 12.0
@@ -83,9 +84,9 @@ def speed_features(
     return np.array(
         [
             np.log(speeds.mean()),
-            np.log(np.percentile(np.linalg.norm(velocities, axis=-1), 95) + 1e-6),
-            np.log(np.median(pushes / (speeds + 1e-9)) + 1e-6),
-            np.log(max(np.percentile(-thrown, 99), 0.0) + 0.02),
+            np.log(percentile(np.linalg.norm(velocities, axis=-1).reshape(-1), 95) + 1e-6),
+            np.log(median(pushes / (speeds + 1e-9)) + 1e-6),
+            np.log(max(percentile(-thrown, 99), 0.0) + 0.02),
             np.log(np.std(thrown) + 0.02),
             np.log(travel + TRAVEL_FLOOR),
         ]

@@ -32,11 +32,17 @@ def continuous_signs(rotations: Array, axis: int = 0) -> Array:
 
     Returns: an array of the same shape and dtype; the first quaternions keep their signs.
     """
-    xp, before = _module_of(rotations), (slice(None),) * axis
+    before = (slice(None),) * axis
     first, later, earlier = (rotations[(*before, part)] for part in (slice(1), slice(1, None), slice(-1)))
+    turned_back = (later * earlier).sum(-1) < 0
     # Multiplying by 1 or -1 is exact.
-    turned_back = (later * earlier).sum(-1)[..., None] < 0
-    signs = xp.cumprod(xp.where(turned_back, -1.0, 1.0), axis)
+    if isinstance(rotations, np.ndarray):
+        odd = np.logical_xor.accumulate(turned_back, axis)
+        out = rotations.copy(order="K")  # in any memory layout this is faster than joining two arrays
+        out[(*before, slice(1, None))] *= np.where(odd, *np.array([-1, 1], rotations.dtype))[..., None]
+        return out
+    xp = _module_of(rotations)
+    signs = xp.cumprod(xp.where(turned_back[..., None], -1.0, 1.0), axis)
     return xp.concatenate([first, later * xp.asarray(signs, dtype=rotations.dtype)], axis=axis)
 
 

@@ -39,7 +39,8 @@ from stages.shared.threads import cores
 JOURNAL, TABLE = "files.jsonl", "files.csv"
 COLUMNS: tuple[str, ...] = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
 _SHOWN = 10
-_DEATH = "Its process was ended, perhaps for want of memory."
+WRITTEN, FAILED, DIED = "written", "failed", "died"  # what became of a file; DIED: its process was ended
+_WRITABLE = tuple(SUFFIXES.values())
 
 Run = Callable[..., StageReport]
 
@@ -86,12 +87,8 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
     """
     started = time.perf_counter()
     out = Path(config.output)
-    if out.suffix.lower() in SUFFIXES.values() or (out.exists() and not out.is_dir()):
+    if out.suffix.lower() in {*_WRITABLE, config.suffix_of(".bvh", _WRITABLE)} or (out.exists() and not out.is_dir()):
         raise UsageError(f"{config.input} holds several files, and {out} is one file.", "Name a folder to write to.")
-    if config.suffix is not None and config.suffix.lower() not in SUFFIXES.values():
-        raise UsageError(
-            f"--suffix {config.suffix} is not one that pumps writes.", f"Give {', '.join(SUFFIXES.values())}."
-        )
     digest = _digest_of(config)
     earlier = _earlier(out, digest)
     runs = list(_planned(config, out, earlier.outputs))
@@ -119,7 +116,7 @@ def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
             progress.advance(note=row["input"])
     order = {each.source.name: at for at, each in enumerate(runs)}
     rows.sort(key=lambda row: order[row["input"]])
-    write_whole(out / TABLE, _table(rows))
+    write_whole(out / TABLE, _table(rows, (*COLUMNS, *config.table_columns)))
     return _report(out, rows, len(have), time.perf_counter() - started)
 
 
@@ -137,7 +134,7 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
         if not source.archive and Path(source.name).resolve() in written:
             continue
         own = source.suffix
-        suffix = config.suffix or (own if own in SUFFIXES.values() else ".bvh")
+        suffix = config.suffix_of(own, _WRITABLE)
         inner = PurePosixPath(source.member.replace("\\", "/"))
         folders = [part for part in inner.parts[:-1] if part not in ("..", ".", "/")]
         if source.archive and Path(source.archive) != Path(text):
@@ -198,7 +195,7 @@ def _row_of_line(line: str) -> dict[str, Any] | None:
 def _still_there(done: Mapping[str, dict[str, Any]], each: FileRun, out: Path) -> dict[str, Any] | None:
     """The earlier outcome of a file, if its input is unchanged and its output exists."""
     row = done.get(each.source.name)
-    if row is None or row.get("status") != "written" or not all(file.is_file() for file in each.files):
+    if row is None or row.get("status") != WRITTEN or not all(file.is_file() for file in each.files):
         return None
     try:
         same = row["sha256"] == hashlib.sha256(each.source.read()).hexdigest()
@@ -222,7 +219,7 @@ def _outcomes(config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterato
     left = {each.source.name: each for each in to_do}
     with process_pool(count) as pool:
         for row in _as_done(pool, config, run, to_do, out):
-            if row["reason"] == _DEATH:
+            if row["status"] == DIED:
                 break
             del left[row["input"]]
             yield row
@@ -232,11 +229,11 @@ def _outcomes(config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterato
 
 
 def _as_done(pool: Executor, config: Any, run: Run, to_do: list[FileRun], out: Path) -> Iterator[dict[str, Any]]:
-    """The outcome of each file as a pool is done with it; failed for one that its process died of."""
+    """The outcome of each file as a pool is done with it; DIED for one that its process died of."""
     waiting = {pool.submit(run_one, run, config, each, out): each for each in to_do}
     for future in as_completed(waiting):
         row = result_or_death(future)
-        yield _row(waiting[future], out, "failed", reason=_DEATH) if isinstance(row, TaskDied) else row
+        yield _dead(waiting[future], out) if isinstance(row, TaskDied) else row
 
 
 def run_one(run: Run, config: Any, each: FileRun, out: Path) -> dict[str, Any]:
@@ -248,18 +245,21 @@ def run_one(run: Run, config: Any, each: FileRun, out: Path) -> dict[str, Any]:
         single = config.model_copy(
             update={"input": type(config.input)(each.source.name), "output": each.output, "overwrite": True}
         )
-        report = run(single)
-        frames = report.figures.get("frames", "")
-        row = _row(each, out, "written", sha256=sha256, frames=frames)
+        figures, named = run(single).figures, ("frames", *config.table_columns)
+        row = _row(each, out, WRITTEN, **{name: _cell(figures.get(name, "")) for name in named}, sha256=sha256)
     except PumpsError as error:
-        row = _row(each, out, "failed", reason=" ".join(f"{error.message} {error.hint or ''}".split()))
+        row = _row(each, out, FAILED, reason=" ".join(f"{error.message} {error.hint or ''}".split()))
     except Exception as error:  # a fault of one file must not cost all others
-        row = _row(each, out, "failed", reason=" ".join(f"{type(error).__name__}: {error}".split())[:300])
+        row = _row(each, out, FAILED, reason=" ".join(f"{type(error).__name__}: {error}".split())[:300])
     return {**row, "seconds": round(time.perf_counter() - started, 3)}
 
 
+def _dead(each: FileRun, out: Path) -> dict[str, Any]:
+    return _row(each, out, DIED, reason="Its process was ended, perhaps for want of memory.")
+
+
 def _row(each: FileRun, out: Path, status: str, **more: Any) -> dict[str, Any]:
-    output = str(each.output.relative_to(out)) if status == "written" else ""
+    output = str(each.output.relative_to(out)) if status == WRITTEN else ""
     blank = dict.fromkeys(COLUMNS, "")
     return {**blank, "input": each.source.name, "output": output, "status": status, **more}
 
@@ -274,16 +274,21 @@ def _line(row: dict[str, Any]) -> bytes:
     return json.dumps(row).encode() + b"\n"
 
 
-def _table(rows: list[dict[str, Any]]) -> bytes:
+def _cell(figure: Any) -> Any:
+    """A figure of a report in one cell; sentences and names one after another."""
+    return " ".join(map(str, figure)) if isinstance(figure, (list, tuple)) else figure
+
+
+def _table(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> bytes:
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows({name: text_cell(str(value)) for name, value in row.items()} for row in rows)
     return text.getvalue().encode()
 
 
 def _report(out: Path, rows: list[dict[str, Any]], kept: int, seconds: float) -> StageReport:
-    failed = [row for row in rows if row["status"] != "written"]
+    failed = [row for row in rows if row["status"] != WRITTEN]
     if len(failed) == len(rows):
         raise InputError(f"None of {len(rows)} files could be used; the first: {failed[0]['reason']}")
     made = len(rows) - len(failed) - kept

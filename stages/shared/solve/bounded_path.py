@@ -14,13 +14,15 @@ with a projection of every acceleration into its ball.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import cholesky_banded, get_lapack_funcs
 
 from stages.shared.solve.bending import SecondDerivative
 from stages.shared.solve.smoothing import PINNED
 
 RELAXATION = 1.6
 CHECK_EVERY, TOLERANCE = 10, 0.01  # rounds; second differences may exceed their limits by this share
+# What SciPy's cho_solve_banded calls, without its checks, which take longer than the solve of a short clip.
+_PBTRS = get_lapack_funcs(("pbtrs",), dtype=np.float64)[0]
 
 
 def bounded_shift(
@@ -65,8 +67,8 @@ def bounded_shift(
         if iteration % CHECK_EVERY == CHECK_EVERY - 1 and _meets(own, shift, limits):
             break
         pull = derivative.transposed(penalty * (held - dual - own).sum(1))
-        shift = cho_solve_banded((factor, True), asked + pull, check_finite=False)
-        reached = RELAXATION * (own + np.diff(shift, n=2, axis=0)[:, None]) + (1 - RELAXATION) * held
+        shift = _PBTRS(factor, asked + pull, lower=1)[0]
+        reached = RELAXATION * (own + _second_differences(shift)[:, None]) + (1 - RELAXATION) * held
         held = _within(reached + dual, limits)
         dual = dual + reached - held
     return np.where(pinned[:, None], wanted, shift)
@@ -74,11 +76,24 @@ def bounded_shift(
 
 def _meets(own: np.ndarray, shift: np.ndarray, limits: np.ndarray) -> bool:
     """Whether points with own second differences (T - 2, P, 3) and a shift (T, 3) are within limits (T - 2, P)."""
-    lengths = np.linalg.norm(own + np.diff(shift, n=2, axis=0)[:, None], axis=-1)
+    lengths = _lengths(own + _second_differences(shift)[:, None])
     return bool((lengths <= limits * (1 + TOLERANCE)).all())
+
+
+# np.diff and np.linalg.norm give the same, and take longer than the sums on a few hundred frames.
+def _second_differences(values: np.ndarray) -> np.ndarray:
+    """(T, F) -> (T - 2, F)."""
+    steps = values[1:] - values[:-1]
+    return steps[1:] - steps[:-1]
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """(..., 3) -> (...)."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.sqrt(x * x + y * y + z * z)
 
 
 def _within(vectors: np.ndarray, most: np.ndarray) -> np.ndarray:
     """Vectors (..., 3), the longer ones shortened to `most` (...)."""
-    lengths = np.linalg.norm(vectors, axis=-1)
+    lengths = _lengths(vectors)
     return vectors * np.minimum(1.0, most / np.maximum(lengths, 1e-12))[..., None]

@@ -57,6 +57,8 @@ class Chain(NamedTuple):
     lower: Tensor  # (N,) ... and itself or a descendant
     bones: Tensor  # (P,) each point's bone, index into the chain
     in_bone: Tensor  # (P, 3)
+    carried: Tensor  # (4A, P): for each bone the places in it of its own points, and 1; 0 for other points
+    products: Tensor  # (P, 13A): for each bone 1, b and b b' of its own points' places b in it; 0 for other points
     weights: Tensor  # (P,) in units of 1 / metres^2; the sum over all points is that of REFERENCE_POINTS
     prior: Tensor  # (A, 3, 3) precision of each joint's turn in its own axes, 1 / radians^2
     prior_matrix: Tensor  # (3 + 3A, 3 + 3A) the prior's part of the normal matrix
@@ -132,10 +134,23 @@ def build_chain(
         lower=indices([pair[1] for pair in pairs]),
         bones=bones,
         in_bone=binding.in_bone,
+        carried=(riding.unsqueeze(1) * _with_one(binding.in_bone).t()).flatten(0, 1),
+        products=(riding.t().unsqueeze(-1) * _products(binding.in_bone).unsqueeze(1)).flatten(1),
         weights=binding.weights * tied * scale,
         prior=prior,
         prior_matrix=_prior_matrix(prior, options),
     )
+
+
+def _with_one(places: Tensor) -> Tensor:
+    """(P, 3) -> (P, 4), with a last column of ones."""
+    return torch.cat([places, torch.ones_like(places[:, :1])], dim=-1)
+
+
+def _products(places: Tensor) -> Tensor:
+    """1, b and b b' of places b, (P, 3) -> (P, 13)."""
+    outer = (places.unsqueeze(-1) * places.unsqueeze(-2)).flatten(1)
+    return torch.cat([torch.ones_like(places[:, :1]), places, outer], dim=-1)
 
 
 def base_of(chain: Chain, local: Tensor, roots: Tensor, offsets: Tensor, parents: np.ndarray, root: int) -> Base:
@@ -190,26 +205,16 @@ def _robust(distance: Tensor, chain: Chain, options: SolveOptions) -> Tensor:
 def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: SolveOptions) -> System:
     """The equations of all frames about a pose; `targets` (T, P, 3), metres."""
     rotations, heads = forward(pose, chain, base)
-    arms = (rotations[:, chain.bones] @ chain.in_bone.unsqueeze(-1)).squeeze(-1)
     # Relative to the pelvis, so that float32 is precise enough if the motion is far from the origin.
     centre = pose.root.unsqueeze(1)
-    points = heads[:, chain.bones] - centre + arms
     heads = heads - centre
-    misses = targets - centre - points
-    distance = misses.norm(dim=-1)
+    # Coordinates come before points: everything over the points is then a product with a matrix that never changes,
+    # or runs over contiguous memory.
+    carriers = torch.cat([rotations, heads.unsqueeze(-1)], dim=-1).transpose(1, 2).flatten(2)  # (T, 3, 4A)
+    misses = (targets - centre).transpose(1, 2).contiguous() - carriers @ chain.carried
+    distance = misses.square().sum(1).sqrt()
     weights = chain.weights * (options.huber_m / distance.clamp(min=options.huber_m))
-
-    moments = torch.cat(
-        [
-            weights.unsqueeze(-1),
-            weights.unsqueeze(-1) * points,
-            (weights.unsqueeze(-1) * points).unsqueeze(-1).mul(points.unsqueeze(-2)).flatten(-2),
-            weights.unsqueeze(-1) * misses,
-            weights.unsqueeze(-1) * torch.linalg.cross(points, misses),
-        ],
-        dim=-1,
-    )
-    of_bones = chain.riding @ moments
+    of_bones = _moments(weights, misses, heads, rotations, chain)
     given = 0.0
     if options.slack_m > 0:
         of_bones, given = _without_common_shift(of_bones, options.slack_m**-2)
@@ -231,6 +236,30 @@ def linearise(targets: Tensor, pose: Pose, chain: Chain, base: Base, options: So
     total = weights.sum(-1).clamp(min=1e-12)
     residual = ((weights * distance**2).sum(-1) / total).sqrt()
     return System(matrix, pull, cost, residual)
+
+
+def _moments(weights: Tensor, misses: Tensor, heads: Tensor, rotations: Tensor, chain: Chain) -> Tensor:
+    """Each bone's sums over its points of w, w p, w p p', w e and w p x e, (T, A, 19).
+
+    A point's place p = h + R b follows from its bone's head h and rotation R and from its place b in the bone. So the
+    sums are taken of w, w b, w b b', w e and w e b', by two products, and then turned and moved, once for a bone.
+
+    Args:
+        weights: (T, P) w. misses: (T, 3, P) e. heads: (T, A, 3) h. rotations: (T, A, 3, 3) R.
+    """
+    mass, first, second = (weights @ chain.products).unflatten(-1, (-1, 13)).split(MOMENTS[:3], dim=-1)
+    turned = (rotations @ first.unsqueeze(-1)).squeeze(-1)
+    mixed = turned.unsqueeze(-1) * heads.unsqueeze(-2)
+    second = rotations @ second.unflatten(-1, (3, 3)) @ rotations.transpose(-1, -2)
+    second = second + mixed + mixed.transpose(-1, -2)
+    moved = mass * heads
+    second = second + moved.unsqueeze(-1) * heads.unsqueeze(-2)
+    pulls = ((weights.unsqueeze(1) * misses) @ chain.carried.t()).unflatten(-1, (-1, 4)).transpose(1, 2)
+    force = pulls[..., 3]
+    around = rotations @ pulls[..., :3].transpose(-1, -2)  # sum of w (R b) e'
+    torque = around[..., (1, 2, 0), (2, 0, 1)] - around[..., (2, 0, 1), (1, 2, 0)]
+    torque = torque + torch.linalg.cross(heads, force)
+    return torch.cat([mass, turned + moved, second.flatten(-2), force, torque], dim=-1)
 
 
 def _prior_matrix(prior: Tensor, options: SolveOptions) -> Tensor:

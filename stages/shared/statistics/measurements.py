@@ -82,6 +82,7 @@ def metric_named(name: str) -> Metric:
 POWER_WEIGHTED = ("npss", "npss_lafan1")
 TRUTH = "truth"  # method name of rows with the truth's own figures
 TRUE_CLOUD = "solve-true-cloud"  # the method that solves on the true cloud
+REFINED = "-refined"  # follows the name of weights whose fills were refined by motion concepts
 RECONSTRUCTED = "-reconstructed"  # follows the name of weights that solve on their reconstruction of the true cloud
 
 

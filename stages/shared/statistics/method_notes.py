@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pydantic import BaseModel, ConfigDict
 
 from data_schemas.trainings import TrainingData
-from stages.shared.statistics.measurements import RECONSTRUCTED, TRUE_CLOUD
+from stages.shared.statistics.measurements import RECONSTRUCTED, REFINED, TRUE_CLOUD
 
 
 class MeasuredWeights(BaseModel):
@@ -36,6 +36,7 @@ class MethodFacts(BaseModel):
 
     weights:   the weights that were measured.
     breakdown: whether parts of the filling were measured on true clouds.
+    refined:   whether fills were also refined by motion concepts.
     borrowed_statistics: ids of skeletons without a training clip for the LaFAN1 statistics.
     """
 
@@ -43,6 +44,7 @@ class MethodFacts(BaseModel):
 
     weights: list[MeasuredWeights] = []
     breakdown: bool = False
+    refined: bool = False
     borrowed_statistics: list[str] = []
 
 
@@ -59,6 +61,10 @@ Sentence = tuple[Words, ...]
 def method_notes(facts: MethodFacts) -> list[Sentence]:
     """One sentence for each method that needs one."""
     notes = [_weights_note(each) for each in facts.weights]
+    if facts.refined and facts.weights:
+        notes.append(
+            (Words(f"…{REFINED}", True), Words(": the same fill, refined by motion concepts; its keys stay."))
+        )
     if facts.breakdown and facts.weights:
         lost = "what is lost without the synthesiser"
         solved = f": the solve on the autoencoder's reconstruction of the true cloud, nothing masked: {lost}."

@@ -56,14 +56,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             residuals += _residuals(config, models, reader.skeleton(row.skeleton), truth, known, archive)
             licences.add(row.licence)
             progress.advance(1, row.clip)
-    try:
-        variation = fit_variation(residuals, models.autoencoder.digest)
-    except ValueError:
+    if not residuals:
         raise InputError(
             f"{', '.join(map(str, config.motion))} has no clip of the split {' or '.join(config.splits)} that is "
             "long enough.",
             "Name another with --splits.",
-        ) from None
+        )
+    variation = fit_variation(residuals, models.autoencoder.digest)
     archives = sorted({each.archive for each in residuals})
     about: dict[str, object] = {"windows": len(plan), "gaps": len(residuals), "archives": archives}
     about |= {"splits": list(config.splits), "licences": sorted(licences)}

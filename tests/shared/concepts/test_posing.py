@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from stages.shared.concepts.body_positions import (
     body_of,
@@ -14,7 +16,7 @@ from stages.shared.concepts.body_positions import (
     relative_poses,
     turned_about_y,
 )
-from stages.shared.concepts.posing import follow_positions
+from stages.shared.concepts.posing import _best_turns, follow_positions
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 
@@ -58,3 +60,29 @@ def test_the_body_has_the_pelvis_first_and_parents_before_children(name: str):
     skeleton, _, body = clip(name)
     assert body.joints[0] == skeleton.root and body.parents[0] == -1
     assert (body.parents[1:] < np.arange(1, len(body.parents))).all() and 0.5 < body.scale < 2
+
+
+def test_a_joint_that_lies_on_its_parent_does_not_spin():
+    """The hips of ASF files lie on the pelvis, so noise alone would say where they are from there."""
+    skeleton, motion, _ = clip("walk")
+    offsets = skeleton.offsets.copy()
+    hips = [joint for joint, name in enumerate(skeleton.names) if name.endswith("hip")]
+    assert len(hips) == 2
+    offsets[hips] = 0
+    skeleton = replace(skeleton, offsets=offsets)
+    body = body_of(skeleton)
+    rng = np.random.default_rng(0)
+    targets = body_positions(skeleton, motion, body)
+    made = follow_positions(skeleton, motion, body, targets + 0.001 * rng.standard_normal(targets.shape))
+    aligned = np.abs((made.rotations * motion.rotations).sum(axis=-1)).clip(max=1)
+    assert np.degrees(2 * np.arccos(aligned)).max() < 10
+
+
+def test_what_vectors_on_one_line_do_not_say_is_no_turn():
+    """Two shoulders on one line leave the turn around it open."""
+    rng = np.random.default_rng(0)
+    old = np.tile(np.array([[[1.0, 0, 0], [-1.0, 0, 0]]]), (50, 1, 1))
+    new = Rotation.from_euler("z", 5, degrees=True).apply(old.reshape(-1, 3)).reshape(old.shape)
+    old, new = (each + 1e-4 * rng.standard_normal(old.shape) for each in (old, new))
+    found = _best_turns(old, new)
+    np.testing.assert_allclose(np.degrees(found.magnitude()), 5, atol=0.1)

@@ -13,6 +13,8 @@ import pytest
 from data_schemas.errors import InputError, UsageError
 from stages.edit.mirror.config import Config
 from stages.edit.mirror.run import run
+from stages.export.config import Config as ExportConfig
+from stages.export.run import run as export
 from stages.shared.many_files.file_runs import JOURNAL, TABLE, names_many
 
 CLIPS = Path("stages/shared/clips")
@@ -159,3 +161,18 @@ def test_an_empty_folder_is_an_error(tmp_path: Path):
     (tmp_path / "in").mkdir()
     with pytest.raises(InputError):
         mirrored(tmp_path / "in", tmp_path / "out")
+
+
+def test_an_export_of_a_folder_says_its_format_and_writes_as_alone(folder: Path, tmp_path: Path):
+    given = {"input": str(folder), "output": tmp_path / "out", "jobs": 1}
+    for wrong in ({}, {"format": "csv", "suffix": ".glb"}, {"suffix": ".txt"}):
+        with pytest.raises(UsageError):
+            export(ExportConfig.model_validate({**given, **wrong}))
+    assert not (tmp_path / "out").exists()
+    figures = export(ExportConfig.model_validate({**given, "format": "amass"})).figures
+    assert (figures["written"], figures["failed"]) == (3, 1) and rows_of(tmp_path / "out")["kick.bvh"][
+        "frames"
+    ] == "46"
+    export(ExportConfig(input=str(CLIPS / "punch.bvh"), output=tmp_path / "alone.npz"))
+    assert (tmp_path / "out/inner/punch.npz").read_bytes() == (tmp_path / "alone.npz").read_bytes()
+    assert export(ExportConfig.model_validate({**given, "format": "amass"})).figures["kept"] == 3

@@ -66,7 +66,8 @@ class CloudDecoder(nn.Module):
     ) -> Tensor:
         """Args:
             latents: (B, T, D). centroids: (B, T, 3) metres. times: (B or 1, T) model frames.
-            groups: (B, P) body group of each point to make. noise: (B, P, Z) the points' identities (`draw_noise`).
+            groups: (B or 1, P) body group of each point to make. noise: (B or 1, P, Z) the points' identities
+                (`draw_noise`); 1 for the same points in all sequences.
             valid: (B, T) True for real frames; None for all.
             generator: of the dropout's mask, in training.
 
@@ -94,7 +95,9 @@ class CloudDecoder(nn.Module):
         return self.norm(self.layers(frames, times, known=valid))
 
     def place_points(self, frames: Tensor, centroids: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
-        """Points (B, T, P, 3), metres, of frames' features (B, T, W)."""
+        """Points (B, T, P, 3), metres, of frames' features (B, T, W); groups and noise as of `forward`."""
+        if not isinstance(self.head, SkinningHead):
+            groups, noise = groups.expand(len(frames), -1), noise.expand(len(frames), -1, -1)
         return self.head(frames, groups, noise).to(centroids.dtype) + centroids.unsqueeze(2)
 
     def divergence(self, frames: Tensor, groups: Tensor) -> Tensor:
@@ -221,11 +224,19 @@ class SkinningHead(nn.Module):
         )
 
     def forward(self, frames: Tensor, groups: Tensor, noise: Tensor) -> Tensor:
-        """frames (B, T, W), groups (B, P), noise (B, P, Z) -> (B, T, P, 3) relative to the centroid."""
-        batch, steps, _ = frames.shape
+        """frames (B, T, W), groups (B or 1, P), noise (B or 1, P, Z) -> (B, T, P, 3) relative to the centroid."""
+        batch, steps, width = frames.shape
         one_hot = F.one_hot(groups.long(), GROUPS).to(noise.dtype)
         codes = self.by_point(torch.cat([noise, one_hot], dim=-1))  # (B, P, K)
         codes = (one_hot.to(codes.dtype).unsqueeze(-1) * codes.unsqueeze(2)).flatten(2)  # (B, P, 5 K), own group only
+        if len(codes) == 1:
+            # The same points in every sequence: both products are one linear layer from a frame's feature to all of
+            # their coordinates, which is smaller than the layer to the transforms.
+            weight = self.by_frame.weight.view(GROUPS, 3, self.codes, width).transpose(1, 2).reshape(-1, 3 * width)
+            bias = self.by_frame.bias.view(GROUPS, 3, self.codes).transpose(1, 2).reshape(-1, 3)
+            scaled = codes[0] / self.codes**0.5
+            placed = F.linear(frames, (scaled @ weight).view(-1, width), (scaled @ bias).flatten())
+            return placed.view(batch, steps, -1, 3)
         transforms = self.by_frame(frames).view(batch, steps, GROUPS, 3, self.codes)
         transforms = transforms.transpose(2, 3).reshape(batch, steps * 3, GROUPS * self.codes)
         placed = torch.bmm(transforms, codes.transpose(1, 2)) / self.codes**0.5

@@ -35,6 +35,13 @@ def test_points_are_independent(decoder):
     torch.testing.assert_close(part, whole[:, :, order], atol=1e-4, rtol=1e-4)
 
 
+def test_the_same_points_in_all_sequences_are_given_once(decoder):
+    latents, centroids, times, groups, noise = inputs()
+    once = decoder(latents, centroids, times, groups[:1], noise[:1])
+    twice = decoder(latents, centroids, times, groups[:1].expand(2, -1), noise[:1].expand(2, -1, -1))
+    torch.testing.assert_close(once, twice, atol=1e-5, rtol=1e-5)
+
+
 def test_moving_the_centroids_moves_the_cloud(decoder):
     latents, centroids, times, groups, noise = inputs()
     shift = torch.tensor([5.0, 1.0, -2.0])

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.concepts.body_positions import Body, body_of, body_positions
 from stages.shared.concepts.posing import follow_positions
 from stages.shared.concepts.sequences import LEAST_FRAMES
-from stages.shared.inference.refining import ConceptModel, Refinement, refine
+from stages.shared.inference.refining import ConceptModel, Refinement, check_rig, refine
 from stages.shared.kinematics.resampling import resample
 
 
@@ -50,22 +50,26 @@ class Refined:
 
 
 def refined_motion(
-    model: ConceptModel, skeleton: Skeleton, motion: Motion, action: str, only: str | None, seed: int, name: str
+    model: ConceptModel,
+    skeleton: Skeleton,
+    motion: Motion,
+    action: str,
+    only: str | None,
+    seed: int,
+    name: str,
+    known: np.ndarray | None = None,
 ) -> Refined:
     """Refine a motion.
 
     Args:
         name: of the motion, for errors.
+        known: (T,) bool; frames that stay, value for value. What refinement would move there is taken off between
+            them too.
 
     Raises: UsageError for an action that was not learned; InputError for another rig, or a motion that is too short.
     """
     body = body_of(skeleton)
-    if body.names != model.names or (body.parents != model.parents).any():
-        raise InputError(
-            f"{name} is on another rig ({len(body.names)} joints, {body.names[0]} ...) than the weights were trained "
-            f"on ({len(model.names)} joints, {model.names[0]} ...).",
-            "Put it on that rig first: pumps retarget IN --to RIG.bvh -o OUT.bvh.",
-        )
+    check_rig(model, body, name)
     slow = resample(motion, model.fps)
     if slow.frames < LEAST_FRAMES:
         raise InputError(
@@ -76,8 +80,24 @@ def refined_motion(
     given = body_positions(skeleton, slow, body) * body.scale
     found = refine(model, given, action, only=only, seed=seed)
     moved = (found.positions - given) / body.scale
-    targets = body_positions(skeleton, motion, body) + _at_rate(moved, model.fps, motion.frames, motion.fps)
-    return Refined(follow_positions(skeleton, motion, body, targets), given, moved, found, body)
+    away = _at_rate(moved, model.fps, motion.frames, motion.fps)
+    if known is not None:
+        away = away - _between(away, np.flatnonzero(known))
+    made = follow_positions(skeleton, motion, body, body_positions(skeleton, motion, body) + away)
+    if known is not None:
+        for to, of in zip(_arrays(made), _arrays(motion), strict=True):
+            to[known] = of[known]
+    return Refined(made, given, moved, found, body)
+
+
+def _arrays(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return motion.rotations, motion.root_positions, motion.tracks
+
+
+def _between(values: np.ndarray, keys: np.ndarray) -> np.ndarray:
+    """(T, ...) what stands at keys, smooth and without overshoot between them, constant beyond them."""
+    at = np.arange(len(values)).clip(keys[0], keys[-1])
+    return PchipInterpolator(keys, values[keys])(at) if len(keys) > 1 else values[np.repeat(keys, len(values))]
 
 
 def _at_rate(moved: np.ndarray, fps: float, frames: int, target_fps: float) -> np.ndarray:
