@@ -122,6 +122,7 @@ WRITINGS = (
         )
         for suffix in (".bvh", ".csv")
     ),
+    Writing("demonstrated", "demo", "kick --no-open -o {out}"),
     Writing(
         "clouds", "decode",
         f"--latent {{made}}/latent --ae {{made}}/run/train-ae --points 32 --device cpu {_ALL} -o {{out}}",
