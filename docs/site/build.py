@@ -25,6 +25,7 @@ AT_THE_TOP = ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
 CLIPS = ("dance_b", "jump", "spinkick", "cartwheel")
 KEYS = "every:15"
 PLAYER = "gallery_player.html"
+SETTINGS = "zensical.toml"  # a copy lies in every site
 _LINK = re.compile(r"(\]\()([^)#:\s]+)(#[^)\s]*)?(\))")
 _WARNINGS = re.compile(r"^(griffe|mkdocs_autorefs|mkdocstrings|warning)\b", re.I | re.M)  # --strict lets some pass
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -35,18 +36,21 @@ def build(output: Path, player: Path) -> Path:
     """Build the site; returns its folder, whose index.html is the first page.
 
     Args:
-        output: a folder of the site alone; what it holds is removed.
+        output: a folder of the site alone: a new or empty one, or one of an earlier build, which is replaced.
         player: the page that the gallery plays.
 
     Raises:
-        SystemExit: a link leads nowhere, or the generator warned of something else.
+        SystemExit: the folder holds something else, a link leads nowhere, or the generator warned of something.
     """
     pages = output / "pages"
-    shutil.rmtree(output, ignore_errors=True)
+    if output.exists():
+        if any(output.iterdir()) and not (output / SETTINGS).is_file():
+            raise SystemExit(f"{output} holds something else than a site. Give another folder: -o FOLDER.")
+        shutil.rmtree(output)
     pages.mkdir(parents=True)
     collect(pages)
     shutil.copy(player, pages / PLAYER)
-    shutil.copy(HERE / "zensical.toml", output)
+    shutil.copy(HERE / SETTINGS, output)
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     made = subprocess.run(
         [sys.executable, "-m", "zensical", "build", "--strict", "--clean"], cwd=output,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -22,116 +22,83 @@ from stages.shared.inference.varied_fills import varied_fill
 from stages.shared.kinematics.conventions import MODEL_FPS
 
 
-class Filler(Protocol):
+@dataclass(frozen=True)
+class Filler:
     """Fills gaps, and says what it learned from.
 
-    name: of the weights. window: frames at 30 a second beyond which keys change nothing. longest_gap: frames at 30 a
-    second, the longest that it was trained on. trained_on, licences: of the training data.
+    name:        of the weights.
+    window:      model frames (30 a second) beyond which keys change nothing.
+    longest_gap: model frames, the longest gap that it was trained on.
+    trained_on, licences: of the training data.
+    fills:       called with a skeleton, T frames of a motion, which of them are known (T,), and what is given beside
+                 whole keys; returns `config.samples` fills, the usual one first.
     """
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def window(self) -> int: ...
-    @property
-    def longest_gap(self) -> int: ...
-    @property
-    def trained_on(self) -> str: ...
-    @property
-    def licences(self) -> tuple[str, ...]: ...
-
-    def fills(
-        self, skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None, config: Config
-    ) -> list[Filled]:
-        """`config.samples` fills, the usual one first.
-
-        Args:
-            given: T frames of which only those of `known` (T,) are read. fixed: what is given beside whole keys.
-        """
-        ...
+    name: str
+    window: int
+    longest_gap: int
+    trained_on: str
+    licences: tuple[str, ...]
+    fills: Callable[[Skeleton, Motion, np.ndarray, Fixed | None], list[Filled]]
 
 
 def filler_of(config: Config) -> Filler:
     """What `config.method` names, with its weights loaded. Raises InputError for weights that are not there."""
-    if config.method == "pumps":
-        return ModelFiller(kept_models(config.weights, config.device))
+    return _models(config) if config.method == "pumps" else _concepts(config)
+
+
+def _models(config: Config) -> Filler:
+    """An autoencoder and a synthesiser."""
+    models = kept_models(config.weights, config.device)
+
+    def fills(skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None) -> list[Filled]:
+        return _by_models(models, config, skeleton, given, known, fixed)
+
+    return Filler(models.name, models.window, models.longest_gap, models.trained_on, models.licences, fills)
+
+
+def _by_models(
+    models: Models, config: Config, skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None
+) -> list[Filled]:
+    """Raises InputError where several fills are wanted and the weights do not hold how motions vary."""
+    options = FillOptions(foot_lock=config.foot_lock)
+    variation = variation_of(models) if config.samples > 1 else None  # before filling: weights may lack it
+    usual = fill_motion(
+        skeleton, given, known, SynthesisedClouds(models),
+        points=config.points, seed=config.seed, device=models.autoencoder.device, options=options, fixed=fixed,
+    )  # fmt: skip
+    if variation is None:
+        return [usual]
+    return [usual] + [
+        varied_fill(
+            skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
+            points=config.points, options=options, fixed=fixed,
+        )
+        for number in range(2, config.samples + 1)
+    ]  # fmt: skip
+
+
+def _concepts(config: Config) -> Filler:
+    """Transition concepts of one rig (motion concepts 3.1.3), which fill between whole keyframes."""
+    # Only fills by concepts load these.
+    from stages.shared.inference.concept_filling import concept_fill
+    from stages.shared.inference.refining import kept_concepts
+
     if not Path(config.weights).is_dir():
         raise UsageError(
             f"--method concepts needs the checkpoint of a rig, and {config.weights!r} is no folder.",
             "Give --weights the folder that `pumps train concepts` wrote.",
         )
-    return ConceptFiller(Path(config.weights), config.device)
+    model = kept_concepts(Path(config.weights), config.device)
 
-
-@dataclass(frozen=True)
-class ModelFiller:
-    """An autoencoder and a synthesiser."""
-
-    models: Models
-
-    @property
-    def name(self) -> str:
-        return self.models.name
-
-    @property
-    def window(self) -> int:
-        return self.models.window
-
-    @property
-    def longest_gap(self) -> int:
-        return self.models.longest_gap
-
-    @property
-    def trained_on(self) -> str:
-        return self.models.trained_on
-
-    @property
-    def licences(self) -> tuple[str, ...]:
-        return self.models.licences
-
-    def fills(
-        self, skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None, config: Config
-    ) -> list[Filled]:
-        """As `Filler.fills`; raises InputError where several are wanted and the weights do not hold how motions
-        vary."""
-        models, options = self.models, FillOptions(foot_lock=config.foot_lock)
-        variation = variation_of(models) if config.samples > 1 else None  # before filling: weights may lack it
-        usual = fill_motion(
-            skeleton, given, known, SynthesisedClouds(models),
-            points=config.points, seed=config.seed, device=models.autoencoder.device, options=options, fixed=fixed,
-        )  # fmt: skip
-        if variation is None:
-            return [usual]
-        return [usual] + [
-            varied_fill(
-                skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
-                points=config.points, options=options, fixed=fixed,
-            )
-            for number in range(2, config.samples + 1)
-        ]  # fmt: skip
-
-
-class ConceptFiller:
-    """Transition concepts of one rig (motion concepts 3.1.3)."""
-
-    def __init__(self, path: Path, device: str):
-        # Only fills by concepts load these.
-        from stages.shared.inference.concept_filling import concept_fill
-        from stages.shared.inference.refining import kept_concepts
-
-        self._model, self._fill = kept_concepts(path, device), concept_fill
-        self.name = str(path)
-        self.window = self.longest_gap = round(self._model.window * MODEL_FPS / self._model.fps)
-        self.trained_on, self.licences = self._model.trained_on, self._model.licences
-
-    def fills(
-        self, skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None, config: Config
-    ) -> list[Filled]:
-        """As `Filler.fills`; raises UsageError for anything but whole keyframes."""
+    def fills(skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None) -> list[Filled]:
         if fixed is not None:
             raise UsageError(
                 "--method concepts fills between whole keyframes.", "Leave the other constraints out, or the method."
             )
         options = FillOptions(foot_lock=config.foot_lock)
         codes = [None, *((config.seed, number) for number in range(2, config.samples + 1))]
-        return [self._fill(self._model, skeleton, given, known, seeds=each, options=options) for each in codes]
+        return [concept_fill(model, skeleton, given, known, seeds=each, options=options) for each in codes]
+
+    frames = round(model.window * MODEL_FPS / model.fps)
+    return Filler(config.weights, frames, frames, model.trained_on, model.licences, fills)

@@ -132,7 +132,7 @@ def fill_files(file: RowFile, config: Config, filler: Filler, also: Constraints 
     else:
         given, fixed = motion_of_keys(motion.at(region.of_all), region.keys - region.first, region.frames), None
     known = np.isin(np.arange(region.frames), region.keys - region.first)
-    fills = filler.fills(skeleton, given, known, fixed, config)
+    fills = filler.fills(skeleton, given, known, fixed)
     rows = request.key_rows[region.of_all]
     made = []
     for filled in fills:

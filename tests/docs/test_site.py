@@ -63,6 +63,13 @@ def test_every_page_is_there(site: Path, pages: dict[Path, Page]):
         assert pages[site / place.with_suffix(".html")].words > 100, place
 
 
+def test_a_folder_that_holds_something_else_is_not_emptied(tmp_path: Path):
+    (tmp_path / "walk.bvh").write_text("kept")
+    with pytest.raises(SystemExit, match="something else than a site"):
+        build(tmp_path, tmp_path / PLAYER)
+    assert (tmp_path / "walk.bvh").read_text() == "kept"
+
+
 def test_internal_links_lead_to_pages_files_and_anchors(pages: dict[Path, Page]):
     wrong, held = [], 0
     for path, page in pages.items():

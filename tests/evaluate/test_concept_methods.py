@@ -19,22 +19,12 @@ from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.statistics.measurements import TRUTH
 
 pytest.importorskip("sklearn")
-from stages.train.concepts.config import Config as TrainConfig
-from stages.train.concepts.run import run as train
-from tests.shared.concepts.two_actions import CLIPS, write_two_actions
+from tests.shared.concepts.two_actions import CLIPS, train_two_actions
 
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("concepts")
-    write_two_actions(folder / "c")
-    train(
-        TrainConfig(
-            concepts=folder / "c", output=folder / "w", steps=2, batch=4, window=24, width=16, latent=4, warmup=1,
-            validate_every=2, checkpoint_every=2, device="cpu",
-        )
-    )  # fmt: skip
-    return folder / "w"
+    return train_two_actions(tmp_path_factory.mktemp("concepts"))
 
 
 def write_walk(path: Path, source: str) -> Path:

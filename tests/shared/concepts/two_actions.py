@@ -13,6 +13,8 @@ from stages.shared.concepts.segmenting import segmented
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.kinematics.resampling import resample
+from stages.train.concepts.config import Config
+from stages.train.concepts.run import run
 
 CLIPS = Path(__file__).resolve().parents[3] / "stages" / "shared" / "clips"
 ACTIONS = ("getup_faceup", "walk")
@@ -34,3 +36,15 @@ def write_two_actions(path: Path) -> None:
                 writer.add(row, segmented(part, body.scale, 20.0, 200, 4.0, name))
             writer.add_centres(name, np.zeros((1, len(body.names), 3)))
         draft.licences.add("CC0")
+
+
+def train_two_actions(folder: Path) -> Path:
+    """Motion concepts of both actions, after two steps: the checkpoint."""
+    write_two_actions(folder / "c")
+    run(
+        Config(
+            concepts=folder / "c", output=folder / "w", steps=2, batch=4, window=24, width=16, latent=4, warmup=1,
+            validate_every=2, checkpoint_every=2, device="cpu",
+        )
+    )  # fmt: skip
+    return folder / "w"
