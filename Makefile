@@ -1,7 +1,7 @@
 # make demo        everything, on the clips that come with pumps: install, train for minutes, fill, measure, report
 # make reproduce   the same on your own data: DATA='a.zip b/ c.bvh' PRESET=tiny RUN=mine
 #                  optional: SPLITS=splits.json  FPS_OVERRIDE='*walk*=60'  SET='train-ae.steps=500 train-ae.seed=1'
-#                  COMPARE='tiny' measures and plays shipped weights beside those trained
+#                  COMPARE='small' measures and plays shipped weights beside those trained
 # make table1      PUMPS Table 1: eight methods trained on each of two rigs, BUDGET=12 minutes each, WINDOWS=30 of each kind of
 #                  motion; `make -j2 table1 GOAL=g1` for one rig; `make table1 GOAL=curve`: error against training time
 # make figures     table1 as one page for each rig: error against gap, spectra, film strips, all methods in sync
@@ -17,7 +17,7 @@
 #                  CONCEPTS_STEPS=2000 of each training, CONCEPTS_COUNT=200 motions of each action; GOAL=main for Tables 1 and 8, GOAL=fills for gaps
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
-# make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=tiny
+# make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=small-free
 # make solve-report   how well skeletons follow true, noisy, larger and smaller clouds; SOLVE_CLIPS=40
 # make solve-pages    truth, slerp, solve and networks side by side in 3D: runs/solve/solve.html; SOLVE_NETWORKS=NAME=FOLDER
 # make held-out | unseen-rigs  weights on whole archives, or on rigs (RIGS='rigs.zip a.bvh'), that they were not trained on;

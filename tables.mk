@@ -6,7 +6,7 @@
 HELD_OUT_WEIGHTS ?= small-free
 HELD_OUT_WINDOWS ?= 40
 RIGS   ?= stages/shared/clips
-LATENT_WEIGHTS ?= tiny
+LATENT_WEIGHTS ?= small-free
 SOLVE_CLIPS    ?= 40
 BUDGET ?= 12
 WINDOWS ?= 30

@@ -18,5 +18,5 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     count: int = Field(1, description="Motions of each action.", ge=1, le=100_000)
     frames: int | None = Field(
         None, description="Frames of each motion, at the rate of the training data; default: the usual length.",
-        ge=2, le=100_000,
+        ge=2, le=20_000,
     )  # fmt: skip

@@ -123,7 +123,7 @@ STAGES: tuple[Stage, ...] = (
         ("evaluate",),
         "Measure filling on the test clips, beside LERP and SLERP.",
         ("motion", "checkpoint"), "metrics",
-        "pumps evaluate --motion runs/mine/ingest --weights tiny -o runs/mine/evaluate",
+        "pumps evaluate --motion runs/mine/ingest --weights small-free -o runs/mine/evaluate",
         needs=("ingest", "train-ae", "train-lms"),
         inputs=(("motion", "ingest"), ("weights", "pumps=."), ("weights", "{weights}")),
     ),

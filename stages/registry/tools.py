@@ -163,7 +163,7 @@ STAGES: tuple[Stage, ...] = (
         ("measure", "latents"),
         "Measure how much latents change with the points, sigma or the skeleton.",
         ("motion", "checkpoint"), "metrics",
-        "pumps measure latents --motion runs/mine/ingest --weights tiny -o runs/mine/measure-latents",
+        "pumps measure latents --motion runs/mine/ingest --weights small-free -o runs/mine/measure-latents",
         pipeline=False,
     ),
     Stage(
@@ -278,7 +278,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         ("weights", "show"),
         "Show what is known about weights: licences, validation, what they are good and bad at.",
-        ("checkpoint",), "", "pumps weights show tiny",
+        ("checkpoint",), "", "pumps weights show small-free",
         arguments=("name",), pipeline=False,
     ),
     Stage(

@@ -78,7 +78,7 @@ def test_long_gaps_are_filled_by_weights(folder: Path):
     (folder / "gap.bvh").write_bytes(broken)
     given = {"input": folder / "gap.bvh"}
     plain, _ = cleaned(folder, "plain", **given)
-    made, figures = cleaned(folder, "filled", **given, fill="tiny")
+    made, figures = cleaned(folder, "filled", **given, fill="small-free")
     assert figures["filled_by_weights"] == [(50, 69)] and np.isfinite(made.values).all()
     assert error_mm(made, slice(50, 70)) != error_mm(plain, slice(50, 70)) and error_mm(made, slice(50, 70)) < 150
 

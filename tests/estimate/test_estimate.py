@@ -175,7 +175,7 @@ BAD = {
     "no such person": ({"person": 4}, InputError, "--person 4"),
     "two cameras": ({"intrinsics": "a,b,c"}, UsageError, "no camera"),
     "no such weights": ({"weights": "nothing"}, InputError, "no weights nothing"),
-    "other weights": ({"weights": str(ROOT / "stages/shared/weights/tiny/lms")}, InputError, "fine-tuned"),
+    "other weights": ({"weights": str(ROOT / "stages/shared/weights/small-free/lms")}, InputError, "fine-tuned"),
     "a rig that is none": ({"skeleton": "rig.bvh"}, InputError, "humanoid|rig.bvh"),
     "an output of another kind": ({"output": "a.txt"}, UsageError, "suffix"),
 }

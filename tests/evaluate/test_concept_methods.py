@@ -41,7 +41,7 @@ def write_walk(path: Path, source: str) -> Path:
 
 def settings(weights: Path) -> dict:
     return {
-        "weights": ("tiny", f"concepts={weights}"), "refine": weights, "tasks": ("interpolation",),
+        "weights": ("small-free", f"concepts={weights}"), "refine": weights, "tasks": ("interpolation",),
         "intervals": (15,), "window": 46, "max_windows": 1, "device": "cpu", "plain": False, "keep_fills": True,
         "points": 64,
     }  # fmt: skip
@@ -51,16 +51,16 @@ def test_both_are_measured_and_keep_the_keys(weights: Path, tmp_path: Path):
     motion = write_walk(tmp_path / "m", "set.zip!dataset-1_walk_a_001.bvh")
     run(Config(motion=motion, output=tmp_path / "e", **settings(weights)))
     rows, _ = read_metrics(tmp_path / "e")
-    assert {row.method for row in rows} == {TRUTH, "tiny", "concepts", "tiny-refined"}
+    assert {row.method for row in rows} == {TRUTH, "small-free", "concepts", "small-free-refined"}
     assert all(np.isfinite(row.value) for row in rows)
     with FillsReader(tmp_path / "e") as fills:
         (batch,) = fills.batches
-        made = {method: fills.poses(batch, method) for method in (TRUTH, "tiny", "concepts", "tiny-refined")}
+        made = {method: fills.poses(batch, method) for method in (TRUTH, "small-free", "concepts", "small-free-refined")}
     keys = np.arange(0, 46, 15)
-    for name in ("concepts", "tiny-refined"):
+    for name in ("concepts", "small-free-refined"):
         for found, true in zip(made[name], made[TRUTH], strict=True):
             np.testing.assert_allclose(found[:, keys], true[:, keys], atol=2e-4)  # kept in 16 bits
-    assert np.abs(made["tiny"][1] - made["tiny-refined"][1]).max() > 1e-3
+    assert np.abs(made["small-free"][1] - made["small-free-refined"][1]).max() > 1e-3
 
 
 def test_clips_of_an_action_that_was_not_learned_are_named(weights: Path, tmp_path: Path):

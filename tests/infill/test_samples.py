@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from stages.infill.config import Config
 from stages.infill.run import run
 from stages.shared.kinematics.foot_contacts import LEGS
 from stages.shared.solve.skeleton_pose import SkeletonPose
+from stages.shared.weights.shipped import SHIPPED, VARIATION_NAME
 
 CLIP = Path("stages/shared/clips/jump.bvh")
 KEYS = (0, 15, 40)
@@ -60,9 +62,11 @@ def test_kept_parts_stay_in_every_sample():
 
 def test_weights_that_do_not_hold_variation_and_outputs_that_exist_are_refused(tmp_path: Path):
     settings = {"input": CLIP, "keyframes": "0,40", "samples": 2, "device": "cpu"}
+    bare = tmp_path / "bare"
+    shutil.copytree(SHIPPED / "small-free", bare, ignore=shutil.ignore_patterns(VARIATION_NAME))
     with pytest.raises(InputError, match="do not hold how motions vary"):
-        run(Config(**settings, output=tmp_path / "tries.bvh", weights="tiny"))
-    assert not list(tmp_path.iterdir())
+        run(Config(**settings, output=tmp_path / "tries.bvh", weights=str(bare)))
+    assert [path.name for path in tmp_path.iterdir()] == ["bare"]
     (tmp_path / "tries-2.bvh").write_text("mine")
     with pytest.raises(UsageError, match="tries-2"):
         run(Config(**settings, output=tmp_path / "tries.bvh"))

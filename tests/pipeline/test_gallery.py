@@ -52,7 +52,7 @@ def test_its_clips_are_of_the_test_split(made: ModuleType) -> None:
 
 def test_absent_archives_are_told_in_one_sentence(made: ModuleType, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"needs bandai-namco-1.zip, .* SHARED_DATA="):
-        made.gallery(made.CLIPS, tmp_path, tmp_path / "out", "tiny")
+        made.gallery(made.CLIPS, tmp_path, tmp_path / "out", "small-free")
     assert not (tmp_path / "out").exists()
 
 

@@ -106,14 +106,14 @@ def test_weights_are_measured_on_archives_that_they_never_saw(table_of: Callable
     report = table_of("held-out")
     assert report.make() == ["ingest", "evaluate"]
     assert report.make() == []
-    assert report.make(flags=("HELD_OUT_WEIGHTS=tiny another",)) == ["evaluate"]
+    assert report.make(flags=("HELD_OUT_WEIGHTS=small-free another",)) == ["evaluate"]
 
 
 def test_weights_are_measured_on_rigs_that_they_never_saw(table_of: Callable[[str], Table]):
     report = table_of("unseen-rigs")
     assert sorted(report.make()) == ["data-rerig", "evaluate", "ingest", "ingest"]
     assert report.make() == []
-    assert report.make(flags=("HELD_OUT_WEIGHTS=tiny",)) == ["evaluate"]
+    assert report.make(flags=("HELD_OUT_WEIGHTS=small",)) == ["evaluate"]
 
 
 def test_shipped_weights_are_measured_once_for_all_tables_about_them(table_of: Callable[[str], Table]):

@@ -21,7 +21,7 @@ from stages.sample_tpc.config import Config as SampleConfig
 from stages.sample_tpc.run import run as sample
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
-WEIGHTS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "weights" / "tiny"
+WEIGHTS = Path(__file__).resolve().parents[2] / "stages" / "shared" / "weights" / "small-free"
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(not (DATA / "bandai-namco-1.zip").exists(), reason="needs ../shared/data"),
@@ -63,10 +63,10 @@ def test_clouds_come_back_about_as_far_as_two_true_draws_are(motions: Path, tmp_
     sample(SampleConfig(motion=motions, output=tmp_path / "tpc"))
     every = ("train", "val", "test")
     measure_ae(
-        AeConfig(tpc=tmp_path / "tpc", weights=(f"tiny={WEIGHTS / 'ae'}",), output=tmp_path / "out", splits=every,
+        AeConfig(tpc=tmp_path / "tpc", weights=(f"small-free={WEIGHTS / 'ae'}",), output=tmp_path / "out", splits=every,
                  max_windows=8, pictures=0)
     )  # fmt: skip
     found = means(tmp_path / "out")
-    assert found["tiny", "rec_mm"] < 1.2 * found[REFERENCE, "rec_mm"]
+    assert found["small-free", "rec_mm"] < 1.2 * found[REFERENCE, "rec_mm"]
     assert found[REFERENCE, "spread"] == pytest.approx(1, abs=0.1)
-    assert 0.5 < found["tiny", "spread"] < 1.1
+    assert 0.5 < found["small-free", "spread"] < 1.1

@@ -114,7 +114,7 @@ def test_artefacts_are_the_same_and_a_worker_may_die_in_the_middle(cluster: Clus
         ingest(IngestConfig(sources=tuple(map(str, CLIPS)), output=folder / "motion", cluster=address))
         sample_tpc(SampleConfig(motion=folder / "motion", output=folder / "tpc", points=64, cluster=address))
         encode(
-            EncodeConfig(tpc=folder / "tpc", ae=SHIPPED / "tiny/ae", output=folder / "latent", cluster=address),
+            EncodeConfig(tpc=folder / "tpc", ae=SHIPPED / "small-free/ae", output=folder / "latent", cluster=address),
             progress=killer,
         )
         digests[name] = [open_artefact(folder / each).manifest.digest for each in ("motion", "tpc", "latent")]

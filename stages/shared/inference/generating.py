@@ -23,6 +23,7 @@ from stages.shared.networks.concepts.action_generators import ActionGenerator, n
 from stages.shared.networks.layers.device import choose_device
 
 _BATCH = 64
+_BATCH_FRAMES = 20_000  # bounds the memory of a batch of long motions
 _MEND = "Give a checkpoint of `pumps train generator`."
 
 
@@ -94,8 +95,9 @@ def generated_motions(
     """
     kind = model.action(action)
     length = model.frames[kind] if frames is None else frames
-    for start in range(0, count, _BATCH):
-        numbers = range(start, min(start + _BATCH, count))
+    batch = max(1, min(_BATCH, _BATCH_FRAMES // length))
+    for start in range(0, count, batch):
+        numbers = range(start, min(start + batch, count))
         shape = model.network.noise_shape(1, length)[1:]
         noise = [torch.randn(shape, generator=_generator(seed, kind, number)) for number in numbers]
         kinds = torch.full((len(numbers),), kind, device=model.device)

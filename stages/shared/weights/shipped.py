@@ -11,7 +11,8 @@ from data_schemas.errors import InputError, UsageError
 
 SHIPPED = Path(__file__).resolve().parent
 # The first of these that is shipped is the default: free for any use before better but non-commercial ones.
-PREFERRED = ("small-free", "small", "tiny")
+PREFERRED = ("small-free", "small")
+WITHDRAWN = {"tiny": "small-free"}  # names of older versions, and what takes their place
 PARTS = (("ae", "lms"), ("train-ae", "train-lms"))  # of packed weights; of a run
 MEASURED_NAME = "measured.json"
 CONFIDENCE_NAME = "confidence.json"  # `stages.shared.inference.confidence`
@@ -40,6 +41,11 @@ def weights_folder(name_or_path: str | Path) -> Path:
     for folder in (Path(name_or_path), SHIPPED / str(name_or_path)):
         if any((folder / ae / "manifest.json").is_file() for ae, _ in PARTS):
             return folder
+    if (instead := WITHDRAWN.get(str(name_or_path))) is not None:
+        raise InputError(
+            f"The weights {name_or_path} are no longer shipped: the licence of a part of their data forbids adaptations.",
+            f"Use {instead}, which has the same size and is better.",
+        )
     shipped = ", ".join(shipped_weights()) or "none"
     raise InputError(
         f"There are no weights {name_or_path}: neither a folder with ae and lms, nor shipped ({shipped}).",

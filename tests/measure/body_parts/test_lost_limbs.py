@@ -53,7 +53,7 @@ def bodies(trained: Path) -> dict[str, PartBody]:
 
 @pytest.fixture(scope="module")
 def models() -> Models:
-    return load_weights("tiny", "cpu")
+    return load_weights("small-free", "cpu")
 
 
 def _config(trained: Path, output: Path, **changed) -> Config:
@@ -63,7 +63,7 @@ def _config(trained: Path, output: Path, **changed) -> Config:
         "output": output,
         "seeds": 1,
         "max_windows": 4,
-        "pumps": "tiny",
+        "pumps": "small-free",
         "lost_seconds": 0.5,
         "lost_stretches": 1,
         "device": "cpu",

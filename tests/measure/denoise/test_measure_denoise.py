@@ -81,7 +81,7 @@ def _measured(motions: Path, name: str, *weights: str, **settings) -> Path:
 @pytest.fixture(scope="module")
 def measured(motions: Path) -> Path:
     trained = {kind: _network(motions, kind, network=kind) for kind in DENOISERS}
-    trained |= {"pumps": _network(motions, "pumps", from_="tiny")}
+    trained |= {"pumps": _network(motions, "pumps", from_="small-free")}
     trained |= {"pose-ndf": _baseline(motions, "pose-ndf"), "motion-vae": _baseline(motions, "motion-vae")}
     return _measured(motions, "measured", *(f"{name}={path}" for name, path in trained.items()))
 

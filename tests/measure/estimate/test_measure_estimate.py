@@ -60,7 +60,7 @@ def _trained(motions: Path, name: str, **settings) -> Path:
 @pytest.fixture(scope="module")
 def measured(motions: Path) -> Path:
     trained = {kind: _trained(motions, kind, network=kind) for kind in LIFTERS}
-    trained["pumps"] = _trained(motions, "pumps", from_="tiny")
+    trained["pumps"] = _trained(motions, "pumps", from_="small-free")
     output = motions / "measured"
     weights = tuple(f"{name}={path}" for name, path in trained.items())
     run(Config(tpc=motions / "tpc", weights=weights, output=output, window=24, max_windows=2, device="cpu"))

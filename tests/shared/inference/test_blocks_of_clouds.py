@@ -22,7 +22,7 @@ FRAMES = 200
 
 @pytest.fixture(scope="module")
 def models() -> Models:
-    return load_weights("tiny", "cpu")
+    return load_weights("small-free", "cpu")
 
 
 def keys_of(kind: str) -> np.ndarray:

@@ -61,10 +61,16 @@ def test_shipped_weights_are_whole_name_their_licences_and_load(name):
     assert models.trained_on in card
 
 
-def test_tiny_is_shipped():
-    assert "tiny" in shipped_weights()
+def test_small_free_is_shipped():
+    assert "small-free" in shipped_weights()
+
+
+def test_a_withdrawn_name_says_what_takes_its_place():
+    with pytest.raises(InputError) as caught:
+        weights_folder("tiny")
+    assert "small-free" in str(caught.value)
 
 
 def test_weights_that_are_not_there_are_named_with_those_that_are(tmp_path):
-    with pytest.raises(InputError, match="tiny"):
+    with pytest.raises(InputError, match="small-free"):
         weights_folder(tmp_path / "none")

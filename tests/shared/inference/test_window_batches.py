@@ -28,7 +28,7 @@ def test_batches_hold_all_windows_of_one_length_in_order(lengths: list[int], fra
 
 @pytest.fixture(scope="module")
 def weights() -> Models:
-    return load_weights("tiny", "cpu")
+    return load_weights("small-free", "cpu")
 
 
 @pytest.mark.parametrize("frames", [1, 40, 64, 65, 300])

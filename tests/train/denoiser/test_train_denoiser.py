@@ -115,7 +115,7 @@ def test_without_noise_windows_stay():
 
 
 def test_one_batch_is_learnt(folder: Path):
-    models = load_weights("tiny", "cpu", confidence=False)
+    models = load_weights("small-free", "cpu", confidence=False)
     with TpcReader(folder / "tpc") as reader:
         given = config(folder, noises=("paper",), start="noisy")
         task = DenoiserTask(given, models, *window_pools(reader, given), CPU)
@@ -212,7 +212,7 @@ def test_what_does_not_belong_together_is_refused(folder: Path):
     output = folder / "never.bvh"
     for error, words, options in (
         (UsageError, "needs a denoiser", {}),
-        (InputError, "another autoencoder", {"weights": folder / "denoiser", "fill": "tiny"}),
+        (InputError, "another autoencoder", {"weights": folder / "denoiser", "fill": "small-free"}),
         (InputError, "no denoiser", {"weights": folder / "weights" / "lms", "fill": str(folder / "weights")}),
     ):
         with pytest.raises(error, match=words):

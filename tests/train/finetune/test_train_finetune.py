@@ -77,9 +77,9 @@ def test_a_killed_run_resumes_to_the_same_weights(folder: Path):
 
 
 def test_the_weights_that_it_starts_from_are_inside(folder: Path):
-    run(small(folder, "tuned", from_="tiny", steps=1, learning_rate=1e-9, average=0.0))
+    run(small(folder, "tuned", from_="small-free", steps=1, learning_rate=1e-9, average=0.0))
     kept = read_checkpoint(folder / "tuned")
-    source = read_checkpoint("stages/shared/weights/tiny/lms").weights
+    source = read_checkpoint("stages/shared/weights/small-free/lms").weights
     for name, value in source.items():
         np.testing.assert_allclose(kept.weights[f"inner.synthesiser.{name}"], value, atol=1e-5)
     assert [each.steps for each in kept.trainings][-1] == 1

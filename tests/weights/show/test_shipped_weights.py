@@ -37,7 +37,7 @@ def test_the_default_is_the_first_of_the_preferred_that_is_shipped(shelf: Path) 
     assert infill() == "small"
     shutil.copytree(shelf / "tiny", shelf / "small-free")
     assert infill() == ShowConfig().name == "small-free"
-    assert InfillConfig(input=Path("a.bvh"), output=Path("b.bvh"), weights="tiny").weights == "tiny"
+    assert InfillConfig(input=Path("a.bvh"), output=Path("b.bvh"), weights="small-free").weights == "tiny"
 
 
 def test_the_list_marks_the_default_and_names_licences(shelf: Path) -> None:
