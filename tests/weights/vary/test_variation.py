@@ -97,7 +97,7 @@ def test_no_gap_that_is_long_enough_is_no_fit():
 @pytest.fixture
 def weights(tmp_path: Path) -> Path:
     for part in ("ae", "lms"):
-        (tmp_path / part).symlink_to(SHIPPED / "tiny" / part)
+        (tmp_path / part).symlink_to(SHIPPED / "small-free" / part)
     return tmp_path
 
 
