@@ -55,7 +55,9 @@ def test_both_are_measured_and_keep_the_keys(weights: Path, tmp_path: Path):
     assert all(np.isfinite(row.value) for row in rows)
     with FillsReader(tmp_path / "e") as fills:
         (batch,) = fills.batches
-        made = {method: fills.poses(batch, method) for method in (TRUTH, "small-free", "concepts", "small-free-refined")}
+        made = {
+            method: fills.poses(batch, method) for method in (TRUTH, "small-free", "concepts", "small-free-refined")
+        }
     keys = np.arange(0, 46, 15)
     for name in ("concepts", "small-free-refined"):
         for found, true in zip(made[name], made[TRUTH], strict=True):

@@ -63,9 +63,15 @@ def test_clouds_come_back_about_as_far_as_two_true_draws_are(motions: Path, tmp_
     sample(SampleConfig(motion=motions, output=tmp_path / "tpc"))
     every = ("train", "val", "test")
     measure_ae(
-        AeConfig(tpc=tmp_path / "tpc", weights=(f"small-free={WEIGHTS / 'ae'}",), output=tmp_path / "out", splits=every,
-                 max_windows=8, pictures=0)
-    )  # fmt: skip
+        AeConfig(
+            tpc=tmp_path / "tpc",
+            weights=(f"small-free={WEIGHTS / 'ae'}",),
+            output=tmp_path / "out",
+            splits=every,
+            max_windows=8,
+            pictures=0,
+        )
+    )
     found = means(tmp_path / "out")
     assert found["small-free", "rec_mm"] < 1.2 * found[REFERENCE, "rec_mm"]
     assert found[REFERENCE, "spread"] == pytest.approx(1, abs=0.1)

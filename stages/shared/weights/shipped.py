@@ -43,7 +43,7 @@ def weights_folder(name_or_path: str | Path) -> Path:
             return folder
     if (instead := WITHDRAWN.get(str(name_or_path))) is not None:
         raise InputError(
-            f"The weights {name_or_path} are no longer shipped: the licence of a part of their data forbids adaptations.",
+            f"The weights {name_or_path} are no longer shipped, because a licence of their data forbids adaptations.",
             f"Use {instead}, which has the same size and is better.",
         )
     shipped = ", ".join(shipped_weights()) or "none"

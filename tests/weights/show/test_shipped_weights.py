@@ -22,8 +22,8 @@ from tests.shared.inference.examples import write_random_weights
 
 @pytest.fixture
 def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of shipped weights that holds `tiny` alone."""
-    write_random_weights(tmp_path / "tiny")
+    """A folder of shipped weights that holds `small` alone."""
+    write_random_weights(tmp_path / "small")
     monkeypatch.setattr(shipped, "SHIPPED", tmp_path)
     return tmp_path
 
@@ -32,20 +32,18 @@ def test_the_default_is_the_first_of_the_preferred_that_is_shipped(shelf: Path) 
     def infill() -> str:
         return InfillConfig(input=Path("a.bvh"), output=Path("b.bvh")).weights
 
-    assert shipped_weights() == ["tiny"] and default_weights() == infill() == "tiny"
-    shutil.copytree(shelf / "tiny", shelf / "small")
-    assert infill() == "small"
-    shutil.copytree(shelf / "tiny", shelf / "small-free")
+    assert shipped_weights() == ["small"] and default_weights() == infill() == "small"
+    shutil.copytree(shelf / "small", shelf / "small-free")
     assert infill() == ShowConfig().name == "small-free"
-    assert InfillConfig(input=Path("a.bvh"), output=Path("b.bvh"), weights="small-free").weights == "tiny"
+    assert InfillConfig(input=Path("a.bvh"), output=Path("b.bvh"), weights="small").weights == "small"
 
 
 def test_the_list_marks_the_default_and_names_licences(shelf: Path) -> None:
     report = list_weights(ListConfig())
     text = "\n".join(report.lines)
-    assert "tiny" in text and "(default)" in text and report.figures["weights"]["tiny"]["default"] is True
-    assert set(report.figures["weights"]["tiny"]["parameters"]) == {"autoencoder", "synthesiser"}
-    shutil.rmtree(shelf / "tiny")
+    assert "small" in text and "(default)" in text and report.figures["weights"]["small"]["default"] is True
+    assert set(report.figures["weights"]["small"]["parameters"]) == {"autoencoder", "synthesiser"}
+    shutil.rmtree(shelf / "small")
     assert list_weights(ListConfig()).lines == ["No weights are shipped."]
 
 
@@ -64,15 +62,15 @@ def test_what_was_measured_is_told_by_its_intervals(shelf: Path) -> None:
     ]
     found = verdicts(rows)
     assert [len(found[kind]) for kind in ("better", "alike", "worse")] == [1, 1, 1]
-    (shelf / "tiny" / "measured.json").write_text(json.dumps(rows))
-    text = "\n".join(show_weights(ShowConfig(name="tiny")).lines)
+    (shelf / "small" / "measured.json").write_text(json.dumps(rows))
+    text = "\n".join(show_weights(ShowConfig(name="small")).lines)
     assert "Good at: interpolation 15 (0.80)" in text and "Bad at: prediction 15 (1.40)" in text
     assert "Worst of all: transition 15 on robots (2.00)" in text
-    (shelf / "tiny" / "measured.json").write_text('[{"scope": 1}]')
+    (shelf / "small" / "measured.json").write_text('[{"scope": 1}]')
     with pytest.raises(InputError, match=r"measured\.json"):
-        facts_of("tiny")
+        facts_of("small")
 
 
 def test_unknown_weights_are_refused_by_name(shelf: Path) -> None:
-    with pytest.raises(InputError, match=r"neither .* nor shipped \(tiny\)"):
+    with pytest.raises(InputError, match=r"neither .* nor shipped \(small\)"):
         show_weights(ShowConfig(name="huge"))
