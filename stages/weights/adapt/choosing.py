@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm, t
 
 _LEAST_M = 1e-6  # of slerp's error, so that windows without motion count as equal
 
@@ -64,8 +65,15 @@ def choose(measured: Errors, start: str, errors: Mapping[str, Sequence[float] | 
         if name == start or not np.isfinite(after).all() or measured.score(after) >= measured.score(before):
             continue
         gains = measured.gains(before, after)
-        error = float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else float("inf")
-        found = Choice(name, float(gains.mean()), error, float((gains > 0).mean()))
+        found = Choice(name, float(gains.mean()), _standard_error(gains), float((gains > 0).mean()))
         if found.gain > max(found.standard_error, best.gain) and found.better > 0.5:
             best = found
     return best
+
+
+def _standard_error(gains: np.ndarray) -> float:
+    """Of the mean, widened for few values: a larger gain is as unlikely by chance as one of a standard error of many
+    values (Student's t)."""
+    if len(gains) < 2:
+        return float("inf")
+    return float(t.ppf(norm.cdf(1), len(gains) - 1) * gains.std(ddof=1) / np.sqrt(len(gains)))

@@ -12,7 +12,9 @@ import numpy as np
 
 from data_schemas.artefact import open_artefact, partial_folder
 from data_schemas.checkpoint import Checkpoint, read_checkpoint
+from data_schemas.clips import ClipRow
 from data_schemas.disk import disk_faults_reported
+from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
 from data_schemas.own_folders import make_own_folder, remove_own_folder
 from data_schemas.trainings import Training, training_data
@@ -22,7 +24,15 @@ from stages.shared.outputs import check_folder
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import Trained
 from stages.shared.training.unfinished import Unfinished
-from stages.shared.weights.shipped import parts_of, weights_folder
+from stages.shared.weights.shipped import (
+    CARD_NAME,
+    CONFIDENCE_NAME,
+    MEASURED_NAME,
+    PARTS,
+    VARIATION_NAME,
+    parts_of,
+    weights_folder,
+)
 from stages.weights.adapt.choosing import Choice, Errors, choose
 from stages.weights.adapt.clips import Read, read_clips
 from stages.weights.adapt.config import Config
@@ -45,6 +55,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         of them out; PumpsError if the loss is not a number.
     """
     check_folder(config)
+    _check_replaced(config.output)
     models = load_weights(config.weights, config.device)
     ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.weights)))
     start = read_checkpoint(lms, optimiser=False)
@@ -56,34 +67,25 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     with disk_faults_reported(folder):
         make_own_folder(folder)
     settings = training_config(config, folder, models, start)
-    rows = write_clouds(settings.tpc, clips, parts, settings.points, config.seed)
-    trained = train_on(settings, models, progress)
-    weights = {
-        START: halved(start.weights),
-        TRAINED: halved(trained.weights),
-        MEAN: halved(mean_of(start, trained.weights)),
-    }
-    found = _measured(config, models, start, lms, weights, windows, progress)
-    kept, fitted = found.choice.name.removesuffix(FITTED), found.choice.name.endswith(FITTED)
-    facts = _facts(config, ae, lms, trained, found, rows_held=sum(row.split == "val" for row in rows))
-    trainings = start.trainings
-    if kept != START:
-        minutes = round(trained.seconds / 60, 1)
-        trainings = (*trainings, Training(steps=trained.step, minutes=minutes, data=training_data(rows)))
-    adapted = Adapted(
-        replace(start, weights=weights[kept], trainings=trainings),
-        found.trusts[kept] if fitted else None,
-        changed=found.choice.name != START,
-        licences=sorted({row.licence for row in rows}),
-        facts=facts,
-        lines=_table(found),
-    )
-    made = folder / "weights"
-    shutil.rmtree(made, ignore_errors=True)
-    write_weights(made, config.output.name, weights_folder(config.weights), ae, lms, adapted)
-    _settle(made, config.output, folder)
-    Unfinished(settings).forget()
-    remove_own_folder(folder)
+    try:
+        rows = write_clouds(settings.tpc, clips, parts, settings.points, config.seed)
+        trained = train_on(settings, models, progress)
+        weights = {
+            START: halved(start.weights),
+            TRAINED: halved(trained.weights),
+            MEAN: halved(mean_of(start, trained.weights)),
+        }
+        found = _measured(config, models, start, lms, weights, windows, progress)
+        facts = _facts(config, ae, lms, trained, found)
+        adapted = _adapted(found, start, weights, trained, rows, facts)
+        made = folder / "weights"
+        shutil.rmtree(made, ignore_errors=True)
+        write_weights(made, config.output.name, weights_folder(config.weights), ae, lms, adapted)
+        _settle(made, config.output, folder)
+        Unfinished(settings).forget()
+    finally:
+        if not any(Unfinished(settings).folder.glob("checkpoints/step_*/manifest.json")):
+            remove_own_folder(folder)
     return _report(config, read, found, facts)
 
 
@@ -122,9 +124,31 @@ def _measured(
     return _Found(choose(errors, START, candidates), errors, candidates, trusts)
 
 
-def _facts(
-    config: Config, ae: Artefact, lms: Artefact, trained: Trained, found: _Found, rows_held: int
-) -> dict[str, Any]:
+def _adapted(
+    found: _Found,
+    start: Checkpoint,
+    weights: dict[str, dict[str, np.ndarray]],
+    trained: Trained,
+    rows: list[ClipRow],
+    facts: dict[str, Any],
+) -> Adapted:
+    name = found.choice.name
+    kept = name.removesuffix(FITTED)
+    trainings = start.trainings
+    if kept != START:
+        training = Training(steps=trained.step, minutes=round(trained.seconds / 60, 1), data=training_data(rows))
+        trainings = (*trainings, training)
+    return Adapted(
+        replace(start, weights=weights[kept], trainings=trainings),
+        found.trusts[kept] if name.endswith(FITTED) else None,
+        changed=name != START,
+        licences=sorted({row.licence for row in rows}),
+        facts=facts,
+        lines=_table(found),
+    )
+
+
+def _facts(config: Config, ae: Artefact, lms: Artefact, trained: Trained, found: _Found) -> dict[str, Any]:
     """What the adaptation was, as plain data."""
     choice = found.choice
     return {
@@ -134,7 +158,7 @@ def _facts(
         "steps": trained.step,
         "minutes": round(trained.seconds / 60, 2),
         "held_out": {
-            "parts": rows_held,
+            "spans": len(np.unique(found.errors.spans)),
             "windows": len(found.errors.tasks),
             "scores": {name: round(found.errors.score(errors), 4) for name, errors in found.candidates.items()},
             "gain": round(choice.gain, 4),
@@ -157,13 +181,28 @@ def _table(found: _Found) -> list[str]:
     ]
 
 
+def _check_replaced(output: Path) -> None:
+    """Raise UsageError for a folder that holds other things than weights, since it is replaced as a whole."""
+    names = {name for parts in PARTS for name in parts}
+    names |= {CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, VARIATION_NAME}
+    if output.is_dir() and (other := sorted({entry.name for entry in output.iterdir()} - names)):
+        raise UsageError(f"{output} holds {other[0]}, which is no part of weights.", "Give another folder.")
+
+
 def _settle(made: Path, output: Path, folder: Path) -> None:
     """Move the finished weights to their place; weights that they replace are moved aside first."""
+    output = output.resolve()
+    aside = folder / "replaced"
     with disk_faults_reported(output):
         if output.is_dir():
-            os.replace(output, folder / "replaced")
-        output.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(made, output)
+            shutil.rmtree(aside, ignore_errors=True)
+            os.replace(output, aside)
+        try:
+            os.replace(made, output)
+        except OSError:
+            if aside.is_dir():
+                os.replace(aside, output)
+            raise
 
 
 def _report(config: Config, read: Read, found: _Found, facts: dict[str, Any]) -> StageReport:

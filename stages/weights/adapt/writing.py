@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import Checkpoint
 from data_schemas.manifest import Artefact
 from data_schemas.trainings import last_sentence
@@ -19,6 +20,7 @@ from stages.shared.weights.packing import read_to_pack, write_packed
 from stages.shared.weights.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, VARIATION_NAME
 
 STAGE = "weights-adapt"
+_PACKED = ("weights-pack", STAGE)  # stages that write autoencoders without places and optimisers
 
 
 @dataclass(frozen=True)
@@ -45,13 +47,14 @@ def write_weights(folder: Path, name: str, source: Path, ae: Artefact, lms: Arte
     Args:
         name: of the weights. source: the folder that the adaptation started from, with the artefacts ae and lms.
     """
-    packed = write_packed(folder / "ae", read_to_pack(ae), ae, stage=STAGE, licences=ae.manifest.licences)
+    packed = _same_or_packed(folder / "ae", ae)
     licences = sorted({*lms.manifest.licences, *(adapted.licences if adapted.changed else ())})
     card = _card(name, licences, adapted)
     settings = {**adapted.synthesiser.config, "encoder_digest": packed.manifest.digest, "adapted_from": adapted.facts}
     synthesiser = replace(adapted.synthesiser, config=settings, card=card)
     write_packed(folder / "lms", synthesiser, lms, stage=STAGE, licences=licences)
-    copied = [VARIATION_NAME]
+    # A variation is of one autoencoder, by its digest.
+    copied = [VARIATION_NAME] if packed.manifest.digest == ae.manifest.digest else []
     if adapted.trust is None:
         copied.append(CONFIDENCE_NAME)
     else:
@@ -63,6 +66,14 @@ def write_weights(folder: Path, name: str, source: Path, ae: Artefact, lms: Arte
         if (source / each).is_file():
             shutil.copyfile(source / each, folder / each)
     write_output(folder / CARD_NAME, card.encode("utf-8"))
+
+
+def _same_or_packed(path: Path, ae: Artefact) -> Artefact:
+    """The autoencoder as it is where it was packed before, so that what was measured of it holds."""
+    if ae.manifest.stage in _PACKED:
+        shutil.copytree(ae.path, path)
+        return open_artefact(path, "checkpoint")
+    return write_packed(path, read_to_pack(ae), ae, stage=STAGE, licences=ae.manifest.licences)
 
 
 def _card(name: str, licences: Sequence[str], adapted: Adapted) -> str:
