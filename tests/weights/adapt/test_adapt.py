@@ -13,6 +13,8 @@ from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from stages.shared.inference.models import load_weights
+from stages.shared.statistics.windows import tasks_of
+from stages.weights.adapt import measuring
 from stages.weights.adapt import run as adapt
 from stages.weights.adapt.choosing import Choice
 from stages.weights.adapt.config import Config
@@ -38,6 +40,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _few_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stages.weights.adapt.training._HELD_BACK", (2,))
     monkeypatch.setattr("stages.weights.adapt.measuring._POINTS", 32)
+    few = tuple(tasks_of((15,), (15,), (), 60))
+    for module in (adapt, measuring):
+        monkeypatch.setattr(module, "TASKS", few)
 
 
 def _config(recordings: Path, weights: Path, output: Path, **settings: Any) -> Config:
@@ -94,7 +99,6 @@ def test_an_interrupted_adaptation_goes_on(recordings, weights, tmp_path, monkey
 
     config = _config(recordings, weights, tmp_path / "mine")
     with monkeypatch.context() as patched:
-        patched.setattr(adapt, "windows_of", adapt.windows_of)
         patched.setattr(adapt, "measure", killed)
         with pytest.raises(KeyboardInterrupt):
             adapt.run(config)
@@ -115,14 +119,15 @@ def test_what_is_there_is_replaced_on_request_and_only_weights(recordings, weigh
     with pytest.raises(UsageError, match=r"diary\.txt, which is no part of weights"):
         adapt.run(_config(recordings, weights, mine, overwrite=True))
     (mine / "diary.txt").unlink()
-    adapt.run(_config(recordings, weights, mine))
+    write_random_weights(mine)
     adapt.run(_config(recordings, weights, mine, overwrite=True))
-    load_weights(mine, "cpu")
+    assert load_weights(mine, "cpu").trained_on == load_weights(weights, "cpu").trained_on
+    assert "adapted_from" in read_checkpoint(mine / "lms", optimiser=False).config
 
 
 @pytest.mark.parametrize(
     ("frames", "sentence"),
-    [(60, r"has 2\.0 seconds, and 6\.7 are needed"), (1, "None of the recordings can be used")],
+    [(60, r"has 2\.0 seconds, and 6\.7 are needed"), (1, "None of the recordings")],
 )
 def test_recordings_that_cannot_be_used_are_one_sentence(frames: int, sentence: str, weights, tmp_path):
     (tmp_path / "short.bvh").write_bytes(BvhText(frames=frames).data())

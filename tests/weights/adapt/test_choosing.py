@@ -14,7 +14,7 @@ def _errors(spans: int, tasks: int = 3) -> Errors:
     return Errors(span, task, np.ones(spans * tasks))
 
 
-@given(st.integers(0, 10_000), st.integers(2, 8), st.floats(-0.3, 0.3))
+@given(st.integers(0, 10_000), st.integers(2, 8), st.sampled_from([-0.3, -0.05, 0.0, 0.1]))
 def test_what_is_kept_is_never_worse(seed: int, spans: int, shift: float):
     measured, rng = _errors(spans), np.random.default_rng(seed)
     start = rng.uniform(0.5, 1, 3 * spans)
