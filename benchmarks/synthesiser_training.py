@@ -35,11 +35,11 @@ from stages.shared.inference.models import Autoencoder
 from stages.shared.networks.layers.device import computes_bfloat16
 from stages.shared.settings.layers import Layer, settle
 from stages.shared.settings.presets import preset_layers
+from stages.shared.synthesiser_training import task as training
 from stages.shared.training.optimiser import Optimiser
 from stages.shared.training.task import step_random
 from stages.shared.training.windows import WindowPool
 from stages.train.ae.task import AutoencoderNetworks
-from stages.train.lms import task as training
 from stages.train.lms.config import Config
 
 CPU = torch.device("cpu")

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.version import PUMPS_VERSION as __version__
+from pumps.adapting import adapt
 from pumps.files import load, load_clips, read_clips, save, write_clips
 from pumps.filling import infill, infill_samples, retarget
 from pumps.motion import Motion
@@ -26,6 +27,7 @@ __all__ = [
     "PumpsError",
     "UsageError",
     "__version__",
+    "adapt",
     "infill",
     "infill_samples",
     "load",

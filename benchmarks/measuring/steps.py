@@ -16,14 +16,14 @@ from stages.shared.networks.layers.layer_stack import set_checkpointing
 from stages.shared.networks.layers.sizes import EncoderSizes
 from stages.shared.networks.pumps.frame_encoder import FrameEncoder
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
+from stages.shared.synthesiser_training.encoding import WindowEncoder
+from stages.shared.synthesiser_training.fill_batch import FillBatch
+from stages.shared.synthesiser_training.task import SynthesiserTask
 from stages.shared.training.config import TrainingConfig
 from stages.shared.training.optimiser import Optimiser
 from stages.train.ae.config import Config as AutoencoderConfig
 from stages.train.ae.task import AutoencoderNetworks, AutoencoderTask, CloudBatch
 from stages.train.lms.config import Config as SynthesiserConfig
-from stages.train.lms.encoding import WindowEncoder
-from stages.train.lms.fill_batch import FillBatch
-from stages.train.lms.task import SynthesiserTask
 
 
 @dataclass(frozen=True)

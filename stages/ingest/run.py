@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from fnmatch import fnmatch
 from pathlib import PurePosixPath
 
@@ -17,18 +16,18 @@ from data_schemas.source_table import SOURCES_NAME, SourceRow, write_sources
 from stages.ingest.config import Config
 from stages.ingest.doubts import doubts_of
 from stages.ingest.inputs import digests_of_read, given_files
-from stages.ingest.known_facts import known_rate, known_rig, rate_notes
 from stages.ingest.licences import licence_of
-from stages.ingest.reading import Job, Outcome, read_all
-from stages.ingest.usual_units import Units, usual_units
 from stages.shared.contract import StageReport
 from stages.shared.formats.clip_names import ClipNames
+from stages.shared.formats.known_facts import asked_of, known_rate, rate_notes
 from stages.shared.formats.readers import suffixes_of
+from stages.shared.formats.reading import Job, Outcome, read_all
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.skeleton_map import read_skeleton_maps, unused_maps
 from stages.shared.formats.sources import Source, find_sources
 from stages.shared.formats.splits import Assigned, assign_splits
+from stages.shared.formats.usual_units import usual_units, with_units
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
 
@@ -52,12 +51,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     rates = {source.name: _override_of(source, overrides) for source in sources}
     known = {source.name: known_rate(source) for source in sources if rates[source.name] is None}
     jobs = [
-        Job(source, config.format, _asked_of(source, asked, rates[source.name] or known.get(source.name)))
+        Job(source, config.format, asked_of(source, asked, rates[source.name] or known.get(source.name)))
         for source in sources
     ]
     units = usual_units(jobs, config.workers, config.cluster)
     # Splits and units are found for all sources, so that they are the same in every part.
-    jobs = [_with_units(job, units) for job in config.share_of(jobs)]
+    jobs = [with_units(job, units) for job in config.share_of(jobs)]
     sources = [job.source for job in jobs]
     if not sources:
         raise UsageError(f"--shard {config.shard} has no recording: there are fewer recordings than shards.")
@@ -100,18 +99,6 @@ def _asked(config: Config) -> Asked:
         None, config.rest_frame, _parse_trim(config.trim_first), rig, rig_name, config.body_models,
         read_skeleton_maps(config.skeleton_map), config.up_axis,
     )  # fmt: skip
-
-
-def _asked_of(source: Source, asked: Asked, fps: float | None) -> Asked:
-    """What holds for one source: its true rate, and the catalogue's rig where none was given."""
-    if asked.rig or asked.rig_name:
-        return replace(asked, fps_override=fps)
-    rig, rig_name = known_rig(source)
-    return replace(asked, fps_override=fps, rig=rig, rig_name=rig_name)
-
-
-def _with_units(job: Job, units: Mapping[str, Units]) -> Job:
-    return replace(job, asked=replace(job.asked, usual_units=units.get(job.source.data_set, ())))
 
 
 def _store(

@@ -258,6 +258,12 @@ STAGES: tuple[Stage, ...] = (
         arguments=("weights",), pipeline=False,
     ),
     Stage(
+        ("weights", "adapt"),
+        "Train weights on with your own recordings, and keep the result where it is better on a part held out.",
+        ("any format", "motion", "checkpoint"), "checkpoint", "pumps weights adapt recordings/ -o mine",
+        arguments=("clips",), pipeline=False, target="lms/manifest.json",
+    ),
+    Stage(
         ("weights", "vary"),
         "Learn how true motions vary around what weights fill, for `pumps infill --samples`, and store it with them.",
         ("checkpoint", "motion"), "", "pumps weights vary runs/mine --motion runs/mine/ingest",

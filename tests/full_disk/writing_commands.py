@@ -236,6 +236,11 @@ WRITINGS = (
         "--predictions 15 --window 46 --points 32 --device cpu",
         adds_to="packed",
     ),
+    Writing(
+        "adapted", "weights adapt",
+        f"{CLIPS}/kick.bvh {CLIPS}/dance_a.bvh {CLIPS}/punch.bvh --weights {{made}}/packed --steps 1 --batch 2 "
+        "--validate-every 1 --max-windows 2 --device cpu -o {out}",
+    ),
     Writing("described.json", "inspect", f"{CLIPS}/kick.bvh -o {{out}}"),
     *(
         Writing(f"one{suffix}", "export", f"{CLIPS}/kick.bvh -o {{out}}")

@@ -13,10 +13,11 @@ import pytest
 from data_schemas.artefact import open_artefact
 from data_schemas.errors import InputError
 from data_schemas.source_table import read_sources
-from stages.ingest import inputs, reading
+from stages.ingest import inputs
 from stages.ingest.config import Config
-from stages.ingest.reading import Job, read_all
 from stages.ingest.run import run
+from stages.shared.formats import reading
+from stages.shared.formats.reading import Job, read_all
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.sources import Source
 from tests.shared.formats.bvh_texts import BvhText

@@ -14,8 +14,8 @@ from data_schemas.errors import InputError, UsageError
 from data_schemas.motion import MotionReader
 from data_schemas.source_table import read_sources
 from stages.ingest.config import Config
-from stages.ingest.reading import Job, read_all
 from stages.ingest.run import run
+from stages.shared.formats.reading import Job, read_all
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.sources import find_sources
 from tests.shared.formats.bvh_texts import BvhText
@@ -148,8 +148,8 @@ def test_without_a_file_splits_follow_from_names_alone(tmp_path: Path) -> None:
 def test_the_same_input_gives_the_same_digest_with_any_number_of_processes(
     archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stages.ingest.reading._POOL_FROM_BYTES", 0)
-    monkeypatch.setattr("stages.ingest.reading._BATCH_BYTES", 1)
+    monkeypatch.setattr("stages.shared.formats.reading._POOL_FROM_BYTES", 0)
+    monkeypatch.setattr("stages.shared.formats.reading._BATCH_BYTES", 1)
     digests = set()
     for workers in (1, 2):
         output = tmp_path / f"motion{workers}"
@@ -159,7 +159,7 @@ def test_the_same_input_gives_the_same_digest_with_any_number_of_processes(
 
 
 def test_outcomes_come_in_order_from_many_processes(archive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stages.ingest.reading._POOL_FROM_BYTES", 0)
+    monkeypatch.setattr("stages.shared.formats.reading._POOL_FROM_BYTES", 0)
     jobs = [Job(source, "auto", Asked()) for source in find_sources([str(archive)])] * 3
     many, one = list(read_all(jobs, 2)), list(read_all(jobs, 1))
     assert [outcome.source for outcome in many] == [job.source for job in jobs]

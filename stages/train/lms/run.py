@@ -10,10 +10,10 @@ from stages.shared.inference.models import load_autoencoder
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.outputs import check_artefact
 from stages.shared.progress import SILENT, Progress
+from stages.shared.synthesiser_training.task import SynthesiserTask
 from stages.shared.training.loop import train
 from stages.shared.training.stage import data_of, finish, window_pools
 from stages.train.lms.config import Config
-from stages.train.lms.task import SynthesiserTask
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:

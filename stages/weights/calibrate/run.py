@@ -13,29 +13,20 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.contract import StageReport
 from stages.shared.inference.cloud_interfaces import Scene
 from stages.shared.inference.cloud_sources import SynthesisedClouds
-from stages.shared.inference.confidence import (
-    SHAPE,
-    Confidence,
-    gap_sizes,
-    part_joints,
-    write_confidence,
-)
+from stages.shared.inference.confidence import SHAPE, Confidence, write_confidence
 from stages.shared.inference.filling import FillOptions, believed_shares, find_clouds, solve_clouds, start_from
 from stages.shared.inference.models import Models, load_weights
 from stages.shared.inference.token_times import Tokens
+from stages.shared.inference.trust_fit import Sums, gain, trust_fit
+from stages.shared.inference.trust_gaps import add_gaps
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.resampling import resample
-from stages.shared.kinematics.rotations import turns_between
 from stages.shared.outputs import check_written
 from stages.shared.progress import SILENT, Progress
-from stages.shared.solve.skeleton_pose import SkeletonPose, pose_of_motion
 from stages.shared.solve.solving import Corrections
 from stages.shared.statistics.windows import planned_windows, tasks_of
 from stages.shared.weights.shipped import CONFIDENCE_NAME, weights_folder
 from stages.weights.calibrate.config import Config
-from stages.weights.calibrate.fit import Sums, gain, trust_fit
-
-ANGLE_M = 0.1  # weight of an angle: an error of a radian counts as one of ten centimetres
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -66,7 +57,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             row = reader.row(window.clip)
             motion = resample(reader.motion(row.clip), MODEL_FPS).at(window.span)
             scene, made = _solved(config, models, reader.skeleton(row.skeleton), motion, task.known(window.frames))
-            _add(archives.setdefault(archive, Sums()), shrunk.setdefault(archive, Sums()), scene, made, motion)
+            add_gaps(archives.setdefault(archive, Sums()), scene, made, motion)
+            floored = _with_floors(made, scene.tokens)
+            add_gaps(shrunk.setdefault(archive, Sums()), scene, made, motion, used=floored)
             progress.advance(1, row.clip)
     trust = trust_fit(archives, config.prior_windows)
     gains = {name: _gains(archives, shrunk, name, config) for name in archives}
@@ -84,44 +77,6 @@ def _solved(
     with torch.no_grad():
         clouds = find_clouds(start, source, points=config.points, seed=config.seed, options=options)
         return start.scene, solve_clouds(start, clouds, options.solve)
-
-
-def _add(sums: Sums, shrunk: Sums, scene: Scene, made: Corrections, motion: Motion) -> None:
-    """Compare a filled window's corrections with the ideal ones that reach the truth; `shrunk` gets the same for
-    corrections shrunk by the fixed floors."""
-    skeleton, tokens = scene.skeleton, scene.tokens
-    frames = torch.arange(motion.frames, device=scene.device).double()
-    truth = pose_of_motion(skeleton, motion, scene.device).at(frames, scene.times)
-    wanted = _change(scene, truth)
-    pairs = ((sums, _changes_by_part(scene, made)), (shrunk, _changes_by_part(scene, _with_floors(made, tokens))))
-    for gap in tokens.gaps():
-        sizes = gap_sizes(tokens, gap, skeleton, made)
-        for into, changes in pairs:
-            if np.isfinite(changes[:, gap]).all():
-                into.add(sizes.length_bin, sizes.size_bins.tolist(), sizes.depth, changes[:, gap], wanted[gap])
-
-
-def _change(scene: Scene, pose: SkeletonPose) -> np.ndarray:
-    """(N, C) difference of a pose from the base: positions of the body's joints, metres, and angles times
-    `ANGLE_M`."""
-    skeleton, base = scene.skeleton, scene.base
-    body = torch.as_tensor(skeleton.groups >= 0, device=scene.device)
-    places = pose.heads[:, body] - base.heads[:, body]
-    turns = turns_between(base.local, pose.local)[:, body]
-    return torch.cat([places.flatten(1), ANGLE_M * turns.flatten(1)], -1).cpu().numpy()
-
-
-def _changes_by_part(scene: Scene, made: Corrections) -> np.ndarray:
-    """(parts, N, C) the change from each of `PARTS` alone: the turns of its joints, or the pelvis' shift."""
-    skeleton, found = scene.skeleton, []
-    for joints in (*part_joints(skeleton, made), None):
-        turns, shifts = torch.zeros_like(made.turns), torch.zeros_like(made.shifts)
-        if joints is None:
-            shifts = made.shifts
-        else:
-            turns[:, joints] = made.turns[:, joints]
-        found.append(_change(scene, scene.base.corrected(turns, shifts)))
-    return np.stack(found)
 
 
 def _with_floors(made: Corrections, tokens: Tokens) -> Corrections:

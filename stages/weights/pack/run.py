@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
 
-from data_schemas.artefact import open_artefact, write_artefact
-from data_schemas.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from data_schemas.artefact import open_artefact
+from data_schemas.checkpoint import Checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.metrics import read_metrics
@@ -23,12 +21,10 @@ from stages.shared.statistics.measurements import TRUTH
 from stages.shared.statistics.tables import baseline_of, cells, overview, scopes_of
 from stages.shared.statistics.tasks import TASK_NAMES
 from stages.shared.weights.facts import VERDICT_WORDS, check_of_task, kept_validation, verdicts
+from stages.shared.weights.packing import LOGGED, licences_of, read_to_pack, write_packed
 from stages.shared.weights.shipped import CARD_NAME, CONFIDENCE_NAME, MEASURED_NAME, parts_of, weights_folder
 from stages.shared.weights.task_weights import is_of_task
 from stages.weights.pack.config import Config
-
-UNKNOWN = "unknown"  # as `pumps ingest` has it where no licence was stated
-_LOGGED = ("step", "split", "loss", "score", "rec_mm", "moving_mm")
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -44,7 +40,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_folder(config)
     progress.start("packing", 2)
     ae, lms = (open_artefact(path, "checkpoint") for path in parts_of(weights_folder(config.run)))
-    autoencoder, synthesiser = _read(ae, config.licence), _read(lms, config.licence)
+    autoencoder, synthesiser = read_to_pack(ae, config.licence), read_to_pack(lms, config.licence)
     if synthesiser.config.get("encoder_digest") != ae.manifest.digest:
         raise InputError(
             f"The synthesiser in {config.run} was trained on another autoencoder than the one beside it.",
@@ -60,7 +56,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     confidence = weights_folder(config.run) / CONFIDENCE_NAME
     if confidence.is_file():
         write_output(config.output / CONFIDENCE_NAME, confidence.read_bytes())
-    licences = sorted({*_licences(ae, config.licence), *_licences(lms, config.licence)})
+    licences = sorted({*licences_of(ae, config.licence), *licences_of(lms, config.licence)})
     card = _card(name, autoencoder, synthesiser, licences, measured, table)
     write_output(config.output / MEASURED_NAME, (json.dumps(measured, indent=1) + "\n").encode("utf-8"))
     write_output(config.output / CARD_NAME, card.encode("utf-8"))
@@ -77,10 +73,10 @@ def pack_task(config: Config, progress: Progress) -> StageReport:
     check_artefact(config, "checkpoint")
     progress.start("packing", 1)
     source = open_artefact(config.run, "checkpoint")
-    kept = _read(source, config.licence)
+    kept = read_to_pack(source, config.licence)
     check_of_task(kept, config.run)
     measured = kept_validation(kept.log)
-    packed = _pack(config, "", replace(kept, log=[measured] if measured else []), source, logged=None)
+    packed = _pack(config, "", replace(kept, log=[measured] if measured else []), source)
     progress.advance()
     size = sum(path.stat().st_size for path in packed.folder.iterdir())
     return StageReport(
@@ -90,66 +86,16 @@ def pack_task(config: Config, progress: Progress) -> StageReport:
     )
 
 
-def _read(source: Artefact, known: Sequence[str]) -> Checkpoint:
-    """A checkpoint whose card gives only the names of the training's folders, without their paths, and the known
-    licences in place of one that was unknown."""
-    found = read_checkpoint(source, optimiser=False)
-    if known:
-        lines = "\n".join(f"  - {licence}" for licence in known)
-        found = replace(found, card=found.card.replace(f"  - {UNKNOWN}", lines))
-    for place, name in sorted(_places(source.manifest.config), key=lambda each: -len(each[0])):
-        found = replace(found, card=found.card.replace(place, name))
-    return found
-
-
-def _pack(
-    config: Config, part: str, kept: Checkpoint, source: Artefact, logged: Sequence[str] | None = _LOGGED
-) -> Artefact:
-    width = np.float16 if config.half else np.float32
-    path = config.output / part
-    trained = _without_places(source.manifest.config)
-    settings = {"half": config.half, "trained": trained, "digest": source.manifest.digest}
-    with write_artefact(
-        path, "checkpoint", stage="weights-pack", config=settings, licences=_licences(source, config.licence)
-    ) as draft:
-        write_checkpoint(
-            draft.folder,
-            weights={name: value.astype(width) for name, value in kept.weights.items()},
-            config=kept.config,
-            optimiser=None,
-            log=[{name: row[name] for name in logged or row if name in row} for row in kept.log],
-            card=kept.card,
-            trainings=kept.trainings,
-        )
-    return open_artefact(path, "checkpoint")
-
-
-def _licences(source: Artefact, known: Sequence[str]) -> list[str]:
-    """The licences of the sources; with `known`, those in place of the one that was unknown."""
-    stated = set(source.manifest.licences)
-    if known and UNKNOWN in stated:
-        stated = (stated - {UNKNOWN}) | set(known)
-    return sorted(stated)
-
-
-def _places(settings: Any) -> Iterator[tuple[str, str]]:
-    """Every absolute path among settings, and its last part."""
-    if isinstance(settings, dict | list):
-        for value in settings.values() if isinstance(settings, dict) else settings:
-            yield from _places(value)
-    elif isinstance(settings, str):
-        for kind in (PurePosixPath, PureWindowsPath):
-            if kind(settings).is_absolute():
-                yield settings, kind(settings).name
-
-
-def _without_places(settings: Any) -> Any:
-    """The settings with each absolute path replaced by its last part."""
-    if isinstance(settings, dict):
-        return {name: _without_places(value) for name, value in settings.items()}
-    if isinstance(settings, list):
-        return [_without_places(value) for value in settings]
-    return next((name for _, name in _places(settings)), settings)
+def _pack(config: Config, part: str, kept: Checkpoint, source: Artefact) -> Artefact:
+    return write_packed(
+        config.output / part,
+        kept,
+        source,
+        stage="weights-pack",
+        licences=licences_of(source, config.licence),
+        half=config.half,
+        logged=LOGGED if part else None,
+    )
 
 
 def _measured(config: Config, ae: Artefact, lms: Artefact) -> tuple[list[dict[str, Any]], str]:

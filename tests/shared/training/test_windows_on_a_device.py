@@ -10,12 +10,12 @@ import torch
 from data_schemas.tpc import TpcReader
 from stages.shared.inference.models import load_autoencoder
 from stages.shared.networks.layers import row_generator
+from stages.shared.synthesiser_training.task import SynthesiserTask
 from stages.shared.training import task as training_task
 from stages.shared.training.stage import window_pools
 from stages.shared.training.task import step_generator, step_random
 from stages.shared.training.windows import WindowPool, Windows
 from stages.train.lms.config import Config
-from stages.train.lms.task import SynthesiserTask
 from tests.shared.inference.examples import write_random_weights
 from tests.shared.training.tiny_clouds import write_clouds
 

@@ -13,14 +13,15 @@ from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import PumpsError
 from data_schemas.tpc import TpcReader
 from stages.shared.inference.models import load_autoencoder
+from stages.shared.synthesiser_training.config import NewSizes
+from stages.shared.synthesiser_training.fill_batch import FillBatch, KeptBatch
+from stages.shared.synthesiser_training.kept_windows import KeptWindows, LatentBatch, Schedule
+from stages.shared.synthesiser_training.task import SynthesiserTask
 from stages.shared.training.stage import window_pools
 from stages.shared.training.task import step_generator, step_random
 from stages.shared.training.unfinished import Unfinished
-from stages.train.lms.config import Config, NewSizes
-from stages.train.lms.fill_batch import FillBatch, KeptBatch
-from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
+from stages.train.lms.config import Config
 from stages.train.lms.run import run
-from stages.train.lms.task import SynthesiserTask
 from tests.shared.inference.examples import write_random_weights
 from tests.shared.training.tiny_clouds import write_clouds
 
@@ -99,7 +100,7 @@ def test_a_disk_that_takes_no_more_is_said_in_a_sentence(tmp_path, monkeypatch):
     def full(*_):
         raise SafetensorError("No space left on device")
 
-    monkeypatch.setattr("stages.train.lms.kept_windows.save_file", full)
+    monkeypatch.setattr("stages.shared.synthesiser_training.kept_windows.save_file", full)
     with pytest.raises(PumpsError, match="No space left"):
         KeptWindows(tmp_path / "windows").put(0, range(3), made_up_batch())
 

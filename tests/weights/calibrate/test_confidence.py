@@ -29,11 +29,12 @@ from stages.shared.inference.confidence import (
 from stages.shared.inference.filling import fill_motion
 from stages.shared.inference.models import load_weights
 from stages.shared.inference.token_times import choose_tokens
+from stages.shared.inference.trust_fit import Sums, careful_fit, fit, gain, trust_fit
+from stages.shared.inference.trust_gaps import ANGLE_M, change_of, changes_by_part
 from stages.shared.solve.skeleton_pose import pose_of_motion
 from stages.shared.solve.solving import Corrections
 from stages.weights.calibrate.config import Config
-from stages.weights.calibrate.fit import Sums, careful_fit, fit, gain, trust_fit
-from stages.weights.calibrate.run import ANGLE_M, _change, _changes_by_part, run
+from stages.weights.calibrate.run import run
 from tests.shared.inference.examples import humanoid, swinging, write_random_weights
 
 DEPTH = np.linspace(0.1, 1, 10)
@@ -229,8 +230,8 @@ def test_parts_changes_add_up_to_what_all_corrections_change() -> None:
     made = _corrections(31, skeleton.joints, 1e-3)
     pose = pose_of_motion(skeleton, motion)
     scene = Scene(choose_tokens(np.array([0, 30]), 31, 30.0), pose)
-    whole = _change(scene, pose.corrected(made.turns, made.shifts))
-    parts = _changes_by_part(scene, made)
+    whole = change_of(scene, pose.corrected(made.turns, made.shifts))
+    parts = changes_by_part(scene, made)
     assert parts.shape == (len(PARTS), 31, whole.shape[1])
     np.testing.assert_allclose(parts.sum(0), whole, atol=3e-5)  # small turns: what they do adds up
     angles = whole[:, -3 * int((skeleton.groups >= 0).sum()) :].reshape(31, -1, 3)

@@ -8,6 +8,8 @@ cancel.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -15,28 +17,34 @@ from torch import Tensor
 from stages.shared.inference.models import Autoencoder
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import LatentSynthesiser
+from stages.shared.synthesiser_training.config import SynthesiserTrainingConfig
+from stages.shared.synthesiser_training.drawing import HELD_BACK, EncodingDrawer, FillDrawer, held_back_batches
+from stages.shared.synthesiser_training.encoding import WindowEncoder
+from stages.shared.synthesiser_training.fill_batch import FillBatch, KeptBatch
+from stages.shared.synthesiser_training.kept_windows import KeptWindows, LatentBatch, Schedule
 from stages.shared.training.frozen_autoencoder import latent_errors, latent_loss, mean_squares
 from stages.shared.training.task import Drawer, TrainingTask
 from stages.shared.training.unfinished import Unfinished
 from stages.shared.training.windows import WindowPool
-from stages.train.lms.config import Config
-from stages.train.lms.drawing import EncodingDrawer, FillDrawer, held_back_batches
-from stages.train.lms.encoding import WindowEncoder
-from stages.train.lms.fill_batch import FillBatch, KeptBatch
-from stages.train.lms.kept_windows import KeptWindows, LatentBatch, Schedule
 
 
 class SynthesiserTask(TrainingTask[LatentSynthesiser]):
     """Training the synthesiser behind a frozen autoencoder."""
 
     def __init__(
-        self, config: Config, autoencoder: Autoencoder, pool: WindowPool, held_back: WindowPool, device: torch.device
+        self,
+        config: SynthesiserTrainingConfig,
+        autoencoder: Autoencoder,
+        pool: WindowPool,
+        held_back: WindowPool,
+        device: torch.device,
+        held_back_parts: Sequence[int] = HELD_BACK,
     ):
         self.config, self.device = config, device
         self.frozen = WindowEncoder(config, autoencoder, device)
         torch.manual_seed(config.seed)
         self.networks = LatentSynthesiser(autoencoder.encoder.latent_width, config.synthesiser).to(device)
-        self.held_back = held_back_batches(config, held_back)
+        self.held_back = held_back_batches(config, held_back, held_back_parts)
         self.encoded_back: list[LatentBatch] = []
         self.schedule = Schedule(config.reuse, max(1, config.kept_windows // config.batch), config.seed)
         unfinished = Unfinished(config)

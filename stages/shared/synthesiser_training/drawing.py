@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,23 +13,23 @@ from stages.shared.inference.models import load_autoencoder
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.plain_interpolation import Glide
 from stages.shared.kinematics.window_interpolation import interpolate_windows
+from stages.shared.synthesiser_training.config import SynthesiserTrainingConfig
+from stages.shared.synthesiser_training.encoding import WindowEncoder
+from stages.shared.synthesiser_training.fill_batch import FillBatch, KeptBatch
+from stages.shared.synthesiser_training.kept_windows import KeptWindows, Schedule
 from stages.shared.training.batches import DRAW
 from stages.shared.training.masks import draw_known
 from stages.shared.training.task import HELD_BACK_SEED, RowRandom, step_random, step_seed
 from stages.shared.training.windows import WindowPool, Windows, clouds_of, draw_clouds, known_centre
-from stages.train.lms.config import Config
-from stages.train.lms.encoding import WindowEncoder
-from stages.train.lms.fill_batch import FillBatch, KeptBatch
-from stages.train.lms.kept_windows import KeptWindows, Schedule
 
 # Windows to validate on, in parts; with only 32, noise of a hundredth decided the best step.
-_HELD_BACK = (32, 32, 32)
+HELD_BACK = (32, 32, 32)
 
 
 class FillDrawer:
     """Draws the steps' windows. Steps that draw none name the rows that use kept windows."""
 
-    def __init__(self, config: Config, pool: WindowPool, schedule: Schedule):
+    def __init__(self, config: SynthesiserTrainingConfig, pool: WindowPool, schedule: Schedule):
         self.config, self.pool, self.schedule = config, pool, schedule
 
     def draw(self, rng: RowRandom) -> FillBatch | KeptBatch:
@@ -75,11 +76,13 @@ class EncodingDrawer:
         return KeptBatch(step, rows)
 
 
-def held_back_batches(config: Config, pool: WindowPool) -> list[tuple[str, FillBatch]]:
-    """The same held-back windows with keys every 5, 15 and 30 frames, and a prediction."""
+def held_back_batches(
+    config: SynthesiserTrainingConfig, pool: WindowPool, parts: Sequence[int] = HELD_BACK
+) -> list[tuple[str, FillBatch]]:
+    """The same held-back windows, so many in each part, with keys every 5, 15 and 30 frames, and a prediction."""
     batches = []
     frames = torch.arange(config.window)
-    for part, count in enumerate(_HELD_BACK):
+    for part, count in enumerate(parts):
         windows = pool.draw(count, config.window, step_seed(HELD_BACK_SEED, 5, part), augment=False)
         lengths = windows.valid.sum(1, keepdim=True)
         known = {str(every): (frames % every == 0) | (frames == lengths - 1) for every in (5, 15, 30)}
@@ -91,7 +94,7 @@ def held_back_batches(config: Config, pool: WindowPool) -> list[tuple[str, FillB
 
 
 def clouds_with_base(
-    config: Config,
+    config: SynthesiserTrainingConfig,
     windows: Windows,
     known: Tensor,
     rng: np.random.Generator,

@@ -10,11 +10,11 @@ from stages.shared.inference.models import Autoencoder
 from stages.shared.kinematics.device import onto
 from stages.shared.networks.layers.device import precision
 from stages.shared.networks.pumps.synthesiser import interpolate_known
+from stages.shared.synthesiser_training.config import SynthesiserTrainingConfig
+from stages.shared.synthesiser_training.fill_batch import FillBatch
+from stages.shared.synthesiser_training.kept_windows import LatentBatch
 from stages.shared.training.frozen_autoencoder import FrozenAutoencoder, mean_squares
 from stages.shared.training.task import step_generator
-from stages.train.lms.config import Config
-from stages.train.lms.fill_batch import FillBatch
-from stages.train.lms.kept_windows import LatentBatch
 
 _IDENTITIES = 7  # the purpose of the generators
 
@@ -22,7 +22,7 @@ _IDENTITIES = 7  # the purpose of the generators
 class WindowEncoder(FrozenAutoencoder):
     """The frozen autoencoder of a training, on its device."""
 
-    def __init__(self, config: Config, autoencoder: Autoencoder, device: torch.device):
+    def __init__(self, config: SynthesiserTrainingConfig, autoencoder: Autoencoder, device: torch.device):
         parts = (autoencoder.encoder, autoencoder.decoder, autoencoder.window)
         super().__init__(*parts, device, config.mixed_precision)
         self.config = config

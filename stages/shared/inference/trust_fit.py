@@ -71,11 +71,12 @@ def total(parts: Sequence[Sums]) -> Sums:
     )
 
 
-def fit(parts: Sequence[Sums], prior: float) -> np.ndarray:
+def fit(parts: Sequence[Sums], prior: float, start: np.ndarray | None = None) -> np.ndarray:
     """Trust SHAPE of archives with equal weights: first of the body's parts, then of the gap's length, then of its
-    size. Each bin is fitted with `prior` more gaps that agree with the wider bin."""
+    size. Each bin is fitted with `prior` more gaps that agree with the wider bin; for the widest bins these gaps have
+    the trust `start` SHAPE, or without one none."""
     whole = total([part.scaled() for part in parts])
-    trust = np.zeros(_COUNT)
+    trust = np.zeros(_COUNT) if start is None else start.reshape(-1).astype(np.float64)
     for level in _levels():
         left = level.T @ (whole.products - whole.squares @ trust)
         squares, counts = level.T @ whole.squares @ level, level.T @ whole.counts

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
 from data_schemas.errors import InputError
 from stages.shared.catalogue.catalogue import data_sets_by_archive
+from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
 from stages.shared.formats.sources import Source
 
@@ -39,6 +41,14 @@ def _rig(name: str) -> tuple[bytes, str]:
         return rig_named(name)
     except InputError:
         return b"", ""
+
+
+def asked_of(source: Source, asked: Asked, fps: float | None) -> Asked:
+    """What holds for one source: its true rate, and the catalogue's rig where none was given."""
+    if asked.rig or asked.rig_name:
+        return replace(asked, fps_override=fps)
+    rig, rig_name = known_rig(source)
+    return replace(asked, fps_override=fps, rig=rig, rig_name=rig_name)
 
 
 def rate_notes(sources: Sequence[Source], rates: Mapping[str, float | None]) -> list[str]:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from data_schemas.errors import InputError
 from data_schemas.notes import Flag
-from stages.ingest.reading import Job, read_all
 from stages.shared.formats.positions import rig_key
 from stages.shared.formats.readers import AUTO, format_named, recognise
+from stages.shared.formats.reading import Job, read_all
 
 FORMAT = "positions"
 _LOOKED_AT = 16  # files of each data set
@@ -52,6 +53,11 @@ def usual_units(jobs: Sequence[Job], workers: int, cluster: str | None = None) -
         data_set: tuple((rig, units.most_common(1)[0][0]) for rig, units in rigs.items() if any(units.values()))
         for data_set, rigs in votes.items()
     }
+
+
+def with_units(job: Job, units: Mapping[str, Units]) -> Job:
+    """The job with the usual units of its data set."""
+    return replace(job, asked=replace(job.asked, usual_units=units.get(job.source.data_set, ())))
 
 
 def _holds_positions(job: Job) -> bool:

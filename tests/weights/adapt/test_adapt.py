@@ -1,0 +1,147 @@
+"""`pumps weights adapt`: any recordings in, a folder of weights out that other commands take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pumps
+from data_schemas.artefact import open_artefact
+from data_schemas.checkpoint import read_checkpoint
+from data_schemas.errors import InputError, UsageError
+from stages.shared.inference.models import load_weights
+from stages.shared.statistics.windows import tasks_of
+from stages.weights.adapt import measuring
+from stages.weights.adapt import run as adapt
+from stages.weights.adapt.choosing import Choice
+from stages.weights.adapt.config import Config
+from tests.shared.formats.bvh_texts import BvhText
+from tests.shared.inference.examples import write_random_weights
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_random_weights(tmp_path_factory.mktemp("weights"))
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings")
+    for seed in range(3):
+        (folder / f"walk_{seed}.bvh").write_bytes(BvhText(frames=100, seed=seed).data())
+    (folder / "torn.bvh").write_bytes(b"HIERARCHY\nROOT")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _few_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stages.weights.adapt.training._HELD_BACK", (2,))
+    monkeypatch.setattr("stages.weights.adapt.measuring._POINTS", 32)
+    few = tuple(tasks_of((15,), (15,), (), 60))
+    for module in (adapt, measuring):
+        monkeypatch.setattr(module, "TASKS", few)
+
+
+def _config(recordings: Path, weights: Path, output: Path, **settings: Any) -> Config:
+    small = {"steps": 2, "batch": 2, "validate_every": 1, "max_windows": 2, "device": "cpu"}
+    return Config(**{"clips": (str(recordings),), "weights": str(weights), "output": output, **small, **settings})
+
+
+def _choosing(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr(adapt, "choose", lambda measured, start, errors: Choice(name, 0.1, 0.05, 1.0))
+
+
+def test_trained_weights_are_written_with_what_they_are(recordings, weights, tmp_path, monkeypatch):
+    _choosing(monkeypatch, adapt.TRAINED + adapt.FITTED)
+    report = adapt.run(_config(recordings, weights, tmp_path / "mine"))
+    models = load_weights(tmp_path / "mine", "cpu")
+    assert models.confidence is not None and "the recordings' own" in models.licences
+    kept = read_checkpoint(tmp_path / "mine" / "lms", optimiser=False)
+    start = read_checkpoint(weights / "lms", optimiser=False)
+    assert any((kept.weights[name] != start.weights[name].astype(np.float16)).any() for name in start.weights)
+    assert len(kept.trainings) == len(start.trainings) + 1 and kept.trainings[-1].steps == 2
+    facts = kept.config["adapted_from"]
+    assert facts["digests"]["lms"] == open_artefact(weights / "lms").manifest.digest
+    assert {"start", "trained", "mean"} <= facts["held_out"]["scores"].keys()
+    assert any("torn.bvh" in line for line in report.lines)
+    assert not (tmp_path / "mine.partial").exists()
+
+
+def test_weights_that_gain_nothing_are_not_kept_and_that_is_said(recordings, weights, tmp_path, monkeypatch):
+    _choosing(monkeypatch, adapt.START)
+    report = adapt.run(_config(recordings, weights, tmp_path / "mine"))
+    assert any("No candidate was better" in line for line in report.lines)
+    assert report.figures["before"] == report.figures["after"]
+    kept = read_checkpoint(tmp_path / "mine" / "lms", optimiser=False)
+    start = read_checkpoint(weights / "lms", optimiser=False)
+    assert all((kept.weights[name] == start.weights[name].astype(np.float16)).all() for name in start.weights)
+    models = load_weights(tmp_path / "mine", "cpu")
+    assert models.confidence is None and models.licences == ("test only",)
+
+
+def test_an_interrupted_adaptation_goes_on(recordings, weights, tmp_path, monkeypatch):
+    class Said:
+        def __init__(self) -> None:
+            self.messages: list[str] = []
+
+        def start(self, label: str, total: float | None = None) -> None: ...
+
+        def advance(self, steps: float = 1, note: str = "") -> None: ...
+
+        def message(self, text: str) -> None:
+            self.messages.append(text)
+
+    def killed(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    config = _config(recordings, weights, tmp_path / "mine")
+    with monkeypatch.context() as patched:
+        patched.setattr(adapt, "measure", killed)
+        with pytest.raises(KeyboardInterrupt):
+            adapt.run(config)
+    assert not (tmp_path / "mine").exists()
+    said = Said()
+    adapt.run(config, progress=said)
+    assert any("going on from step 2" in text for text in said.messages)
+    load_weights(tmp_path / "mine", "cpu")
+
+
+def test_what_is_there_is_replaced_on_request_and_only_weights(recordings, weights, tmp_path, monkeypatch):
+    _choosing(monkeypatch, adapt.START)
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "diary.txt").write_text("mine")
+    with pytest.raises(UsageError, match="Give --overwrite"):
+        adapt.run(_config(recordings, weights, mine))
+    with pytest.raises(UsageError, match=r"diary\.txt, which is no part of weights"):
+        adapt.run(_config(recordings, weights, mine, overwrite=True))
+    (mine / "diary.txt").unlink()
+    write_random_weights(mine)
+    adapt.run(_config(recordings, weights, mine, overwrite=True))
+    assert load_weights(mine, "cpu").trained_on == load_weights(weights, "cpu").trained_on
+    assert "adapted_from" in read_checkpoint(mine / "lms", optimiser=False).config
+
+
+@pytest.mark.parametrize(
+    ("frames", "sentence"),
+    [(60, r"has 2\.0 seconds, and 6\.7 are needed"), (1, "None of the recordings")],
+)
+def test_recordings_that_cannot_be_used_are_one_sentence(frames: int, sentence: str, weights, tmp_path):
+    (tmp_path / "short.bvh").write_bytes(BvhText(frames=frames).data())
+    with pytest.raises(InputError, match=sentence):
+        adapt.run(_config(tmp_path / "short.bvh", weights, tmp_path / "mine"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["short.bvh"]
+
+
+def test_motions_in_python_are_recordings_too(recordings, weights, tmp_path, monkeypatch):
+    _choosing(monkeypatch, adapt.MEAN)
+    motions = [pumps.load(recordings / f"walk_{seed}.bvh") for seed in range(3)]
+    found = pumps.adapt(motions, tmp_path / "mine", weights=weights, steps=1, device="cpu")
+    assert found["kept"] == adapt.MEAN and found["steps"] == 1
+    filled = pumps.infill(motions[0], keyframes="every:30", weights=tmp_path / "mine")
+    assert filled.frames == 100
+    with pytest.raises(UsageError, match="mixes motions with names"):
+        pumps.adapt([motions[0], "walk.bvh"], tmp_path / "other")
