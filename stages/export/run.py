@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 from data_schemas.errors import InputError, UsageError
@@ -51,9 +52,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     written: list[Path] = []
     frames = 0
     notes: list[str] = []
-    for clip in clips_of(config):
-        if not into_folder and written:
-            raise UsageError(f"{config.input} holds several clips.", "Name one with --clip, or a folder to write to.")
+    for clip in clips_of(config) if into_folder else _only_one(config):
         path = path_of(clip.name)
         check(path)
         data, remarks = _data_of(clip, kind, config)
@@ -75,6 +74,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         lines=[f"wrote {where}", *dict.fromkeys(notes)],
         figures={"format": kind, "files": [str(path) for path in written], "frames": frames, "notes": notes},
     )
+
+
+def _only_one(config: Config) -> list[Clip]:
+    clips = list(islice(clips_of(config), 2))
+    if len(clips) > 1:
+        raise UsageError(f"{config.input} holds several clips.", "Name one with --clip, or a folder to write to.")
+    return clips
 
 
 def _kind_of(config: Config, into_folder: bool) -> str:

@@ -17,6 +17,7 @@ from starlette.routing import Route
 from data_schemas.errors import InputError, PumpsError, UsageError
 from stages.studio.bench import Bench
 from stages.studio.guard import App, Guard
+from stages.studio.opening import SeveralClipsError
 from stages.studio.session import OutOfDateError
 
 ASSETS = Path(__file__).resolve().parent / "assets"
@@ -37,7 +38,9 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
 
     def opened(asked: dict[str, Any]) -> dict[str, Any]:
         about = _place(asked) if "session" in asked else (None, None)
-        return bench.shown(bench.open_file(_text(asked, "file"), *about, bool(asked.get("aside"))))
+        return bench.shown(
+            bench.open_file(_text(asked, "file"), *about, bool(asked.get("aside")), str(asked.get("clip", "")))
+        )
 
     def settings(asked: dict[str, Any]) -> dict[str, Any]:
         given = _field(asked, "settings", dict)
@@ -125,7 +128,7 @@ def _upload(bench: Bench) -> Callable[[Request], Any]:
             asked = dict(request.query_params)
             data = await request.body()
             revision = int(asked["revision"]) if "revision" in asked else None
-            about = asked.get("session"), revision, asked.get("aside") == "1"
+            about = asked.get("session"), revision, asked.get("aside") == "1", asked.get("clip", "")
             opened = await run_in_threadpool(bench.open_bytes, asked.get("name", ""), data, *about)
         except Exception as error:
             return _fault(error)
@@ -162,6 +165,8 @@ def _fault(error: Exception) -> Response:
         return JSONResponse({"error": "The request cannot be read."}, 400)
     if not isinstance(error, PumpsError):
         raise error
+    if isinstance(error, SeveralClipsError):  # the page asks which, and opens that one
+        return _AsciiJson({"clips": error.clips, "told": str(error)})
     status = 409 if isinstance(error, OutOfDateError) else 404 if isinstance(error, InputError) else 400
     return _AsciiJson({"error": str(error)}, status)
 

@@ -8,21 +8,21 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.errors import PumpsError, UsageError
 from data_schemas.whole_file import write_whole
-from stages.registry import stage_named
 from stages.shared.file_names import is_file_name
-from stages.shared.formats.readers import recognise
+from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.sources import source_named
 from stages.shared.inference.constraints.asked import Constraints
 from stages.shared.weights.shipped import shipped_weights
 from stages.studio.folder import Folder
 from stages.studio.jobs import Job, Jobs
+from stages.studio.opening import dropped, inside, member_of, write_as_bvh
 from stages.studio.saving import save
 from stages.studio.scene import Scene, scene_of
 from stages.studio.session import FillSettings, MotionRecord, Session, Sessions, State
 from stages.studio.steps import FILL, VERBS, constraints_bytes, fill_options, first_keys, settings_after, verb_options
-from stages.studio.worker import CancelledError, Told, Worker, config_of
+from stages.studio.worker import CancelledError, Told, Worker
 
 MOST_SAMPLES = 8
 
@@ -66,21 +66,31 @@ class Bench:
         """What the page draws of a motion."""
         return self._scene_of(self.sessions.bvh(self.sessions.load(session), motion))
 
-    def open_file(self, name: str, session: str | None, revision: int | None, aside: bool) -> Session:
-        """Open a recording of the folder, in a session or a new one. Raises InputError, UsageError.
+    def open_file(self, name: str, session: str | None, revision: int | None, aside: bool, clip: str = "") -> Session:
+        """Open a recording of the folder, in a session or a new one.
 
         Args:
             aside: hold it ready as a second motion, and leave the timeline as it is.
+            clip: the one to open of several; of an archive, the file.
+
+        Raises: InputError, UsageError; SeveralClipsError where there are several clips, and none of that name.
         """
         path = self.folder.recording(name)
+        if isinstance(path, Path) and archive_suffix(path.name):
+            member, clip = member_of(path, name, clip)
+            with inside(member):
+                return self.open_file(f"{name}!{member}", session, revision, aside, clip)
         data = source_named(str(path)).read()
-        return self._opened(data, path, name, name, session, revision, aside)
+        return self._opened(data, path, name, name, session, revision, aside, clip)
 
-    def open_bytes(self, name: str, data: bytes, session: str | None, revision: int | None, aside: bool) -> Session:
-        """Open a file that was dropped on the page. Raises InputError, UsageError."""
+    def open_bytes(
+        self, name: str, data: bytes, session: str | None, revision: int | None, aside: bool, clip: str = ""
+    ) -> Session:
+        """Open a file that was dropped on the page. Raises as `open_file` does."""
         if not is_file_name(name):
             raise UsageError(f"{name!r} cannot be the name of a file.", "Rename it.")
-        return self._opened(data, None, name, "", session, revision, aside)
+        with dropped(name, data, clip, self.folder.sessions()) as (data, path, name, clip):
+            return self._opened(data, path, name, "", session, revision, aside, clip)
 
     def set_settings(self, session: str, revision: int, label: str, settings: Mapping[str, Any]) -> Session:
         """Change how the motion is filled. Raises UsageError for weights that the studio does not offer."""
@@ -225,8 +235,8 @@ class Bench:
         return output, tuple(report.lines)
 
     def _opened(
-        self, data: bytes, path: Path | str | None, name: str, inside: str, session: str | None,
-        revision: int | None, aside: bool,
+        self, data: bytes, path: Path | str | None, name: str, opened: str, session: str | None,
+        revision: int | None, aside: bool, clip: str,
     ) -> Session:  # fmt: skip
         fresh = session is None
         settings = FillSettings(weights=self.weights[0], seed=0)
@@ -234,11 +244,12 @@ class Bench:
         motion = self.sessions.take_motion_name(found.id)
         try:
             bvh = self.sessions.folder(found.id) / f"{motion}.bvh"
-            converted = self._write_as_bvh(data, path, name, bvh)
+            converted = write_as_bvh(data, path, name, bvh, clip)
+            clip = clip if converted else ""
             shown = PurePosixPath(name.partition("!")[2] or name).name
             record = MotionRecord(
-                name=shown, opened=inside, sha256=hashlib.sha256(data).hexdigest(), converted=converted,
-                **self._length(bvh),
+                name=f"{clip} in {shown}" if clip else shown, opened=opened, sha256=hashlib.sha256(data).hexdigest(),
+                converted=converted, clip=clip, **self._length(bvh),
             )  # fmt: skip
 
             def change(old: Session) -> Session:
@@ -255,23 +266,6 @@ class Bench:
             else:
                 self.sessions.remove_files(found.id, motion)
             raise
-
-    def _write_as_bvh(self, data: bytes, path: Path | str | None, name: str, bvh: Path) -> bool:
-        """Write a recording as a BVH; whether it was of another format."""
-        chosen = recognise(data, name)
-        if chosen is None:
-            raise InputError(f"{name} is not a recording in a format that pumps reads.", "Open another file.")
-        if chosen.name == "bvh":
-            write_whole(bvh, data)
-            return False
-        draft = bvh.with_name(f"{bvh.stem}.dropped{PurePosixPath(name).suffix}")
-        try:
-            if path is None:
-                write_whole(draft, data)
-            stage_named("export").runner()(config_of("export", {"input": str(path or draft), "output": bvh}))
-        finally:
-            draft.unlink(missing_ok=True)
-        return True
 
     def _length(self, bvh: Path) -> dict[str, Any]:
         found = self._scene_of(bvh).description  # the page asks for it next

@@ -74,7 +74,7 @@ class Folder:
                 if name.lower().endswith(wanted):
                     found.append(relative)
                 elif archive_suffix(name):
-                    found += [f"{relative}!{each}" for each in self._members(relative, wanted)]
+                    found += [f"{relative}!{each}" for each in self._members(relative)]
         return found[:_MOST_FILES]
 
     def sessions(self) -> Path:
@@ -83,15 +83,12 @@ class Folder:
         make_own_folder(path)
         return path
 
-    def _members(self, archive: str, wanted: tuple[str, ...]) -> list[str]:
+    def _members(self, archive: str) -> list[str]:
         try:
             path = self._inside(archive)
-            if not path.is_file():
-                return []  # reading a pipe would wait for its writer
-            names = [each.name for each in members_of(str(path))]
+            return recordings_of_archive(path) if path.is_file() else []  # reading a pipe would wait for its writer
         except InputError:
             return []  # damaged
-        return sorted(name for name in names if name.lower().endswith(wanted) and _is_unicode(name))[:_MOST_FILES]
 
     def _inside(self, name: str) -> Path:
         try:
@@ -101,6 +98,13 @@ class Folder:
         if not path.is_relative_to(self.path):
             raise InputError(f"{name} leads out of the folder of the studio.", "Choose a file of the list.")
         return path
+
+
+def recordings_of_archive(path: Path) -> list[str]:
+    """Names of members of an archive that may be recordings, sorted. Raises InputError if it is damaged."""
+    wanted = tuple(suffixes_of(AUTO))
+    names = (each.name for each in members_of(str(path)))
+    return sorted(name for name in names if name.lower().endswith(wanted) and _is_unicode(name))[:_MOST_FILES]
 
 
 def _is_unicode(name: str) -> bool:

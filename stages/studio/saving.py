@@ -13,6 +13,7 @@ from stages.registry import stage_named
 from stages.shared.formats.sources import source_named
 from stages.shared.outputs import paths_in
 from stages.studio.folder import SESSIONS, Folder
+from stages.studio.opening import clip_name
 from stages.studio.session import MotionRecord, Session, Sessions
 from stages.studio.steps import FILL, as_argument, command_line, constraints_bytes, steps_to
 from stages.studio.worker import config_of
@@ -76,7 +77,9 @@ def _commands(folder: Folder, session: Session, motion: str, stem: str) -> tuple
             continue
         names[each] = output
         if not record.stage:
-            lines.append(shlex.join(["pumps", "export", as_argument(record.opened), "-o", output]))
+            source = source_named(str(folder.path / record.opened))
+            chosen = [f"--clip={clip_name(source, record.clip)}"] if record.clip else []
+            lines.append(shlex.join(["pumps", "export", as_argument(record.opened), *chosen, "-o", output]))
             continue
         constraints = ""
         if record.stage == FILL and record.constraints is not None:

@@ -40,6 +40,7 @@ class MotionRecord(StageConfig):
     options, constraints: what that stage was given, besides files. source, other: the motions that it read.
     opened: the recording's name in the folder, or "" where it was dropped on the page. sha256: of its bytes, in
         hexadecimal digits. converted: whether it had another format, so that `pumps export` made a BVH of it.
+    clip: the one that was chosen of a file that holds several, else "".
     told: what the stage said, a line each.
     """
 
@@ -52,6 +53,7 @@ class MotionRecord(StageConfig):
     opened: str = ""
     sha256: str = ""
     converted: bool = False
+    clip: str = ""
     frames: int = 0
     fps: float = 0.0
     told: tuple[str, ...] = ()

@@ -109,6 +109,7 @@ def test_what_cannot_be_is_refused(folder: Path, tmp_path: Path, settings: dict,
     settings = {**settings, "output": tmp_path / settings["output"]}
     with pytest.raises((UsageError, InputError), match=message):
         run(Config(input=str(folder / "motion"), **settings))
+    assert not settings["output"].exists()
 
 
 # --- other rigs ---------------------------------------------------------------------------------

@@ -19,6 +19,8 @@ from typing import Any
 
 import pytest
 
+from tests.shared.formats.gltf_files import GltfText
+
 pytest.importorskip("starlette")
 playwright = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -79,6 +81,7 @@ def test_a_walk_through_the_page(browser: Any, tmp_path: Path, fast_python: tupl
     folder.mkdir()
     shutil.copy(CLIPS / "walk.bvh", folder)
     shutil.copy(CLIPS / "kick.bvh", folder / TAGS)
+    (folder / "several.glb").write_bytes(GltfText(parts=("walk", "-run <b>")).data())
     wrong: list[str] = []
     asked: list[str] = []
     with studio(folder) as address:
@@ -146,6 +149,18 @@ def test_a_walk_through_the_page(browser: Any, tmp_path: Path, fast_python: tupl
         page.click(f"#files button:has-text('{TAGS}')")
         until(page, "studio.session.motions[studio.session.state.motion].name.includes('<img')")
         assert TAGS in page.inner_text("#file") and not page.query_selector("img")
+        # A file of several clips: the page asks which.
+        page.keyboard.press("o")
+        page.click("#files button:has-text('several.glb')")
+        until(page, "document.getElementById('clip-dialog').open")
+        assert page.inner_text("#clips").split() == ["walk", "-run_<b>"]
+        page.keyboard.press("Escape")
+        until(page, "document.getElementById('status').textContent === ''")
+        assert TAGS in page.inner_text("#file")
+        page.keyboard.press("o")
+        page.click("#files button:has-text('several.glb')")
+        page.click("#clips button:has-text('-run_<b>')")
+        until(page, "document.getElementById('file').textContent.startsWith('-run_<b> in several.glb')")
         page.close()
     saved = (folder / "filled.bvh").read_bytes()
     (folder / "filled.bvh").unlink()

@@ -69,6 +69,22 @@ export function fillSelect(select, values, names = values) {
   if (values.includes(before)) select.value = before;
 }
 
+// The clip that a person chooses of several; "" where the dialog is closed without one.
+export function chooseClip(words, clips) {
+  const dialog = byId("clip-dialog");
+  byId("clip-words").textContent = words;
+  return new Promise((resolve) => {
+    let chosen = "";
+    byId("clips").replaceChildren(...clips.map((clip) => {
+      const item = element("li");
+      item.append(button(clip, () => { chosen = clip; dialog.close(); }));
+      return item;
+    }));
+    dialog.addEventListener("close", () => resolve(chosen), { once: true });
+    dialog.showModal();
+  });
+}
+
 export async function showFiles(open, resume) {
   const [files, recent] = await Promise.all([ask("files"), ask("sessions")]);
   const show = () => {

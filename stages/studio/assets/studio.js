@@ -1,7 +1,7 @@
 // The studio's page: what is shown, what the keys and buttons do, and how changes go to the server.
 import { alongLine, framesOf, gapClass, gapsOf, keysOf, moved, rangeText, toggled, withKeys } from "./keyframes.js";
 import { Motion } from "./motion.js";
-import { buildVerbs, byId, element, fillSelect, listConstraints, listResults, showFiles } from "./panels.js";
+import { buildVerbs, byId, chooseClip, element, fillSelect, listConstraints, listResults, showFiles } from "./panels.js";
 import { ask } from "./server.js";
 import { Timeline } from "./timeline.js";
 import { View } from "./view.js";
@@ -96,7 +96,13 @@ function open(name, blob = null, aside = false) {
   return send(async () => {
     const at = aside ? { session: studio.session.id, revision: studio.session.revision } : {};
     const query = new URLSearchParams({ name, ...at, ...(aside ? { aside: "1" } : {}) });
-    await receive(await (blob ? ask(`upload?${query}`, "POST", blob) : ask("open", "POST", { file: name, aside, ...at })));
+    for (let clip = ""; ;) {
+      query.set("clip", clip);
+      const made = await (blob ? ask(`upload?${query}`, "POST", blob) : ask("open", "POST", { file: name, aside, clip, ...at }));
+      if (!made.clips) { await receive(made); break; }
+      clip = await chooseClip(made.told, made.clips);
+      if (!clip) break;
+    }
     say("");
   });
 }
