@@ -27,7 +27,7 @@
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
 # make lifter      trains the network that `pumps estimate` uses by default, on free archives; SLICE=9, INITIAL=
-# make gallery | first-picture  twelve clips on six rigs, filled (GALLERY_WEIGHTS=small); the README's picture, PICTURED='small-free small'
+# make gallery | first-animation | first-picture  clips filled by GALLERY_WEIGHTS=small, three rigs by ANIMATED='small-free mine', one gap by PICTURED=
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
@@ -60,7 +60,7 @@ SLICE   ?= 0
 TRAIN_FLAGS ?=
 TO      ?= $(RUNS)/$(or $(RUN),$(RECIPE))/bundle
 
-.PHONY: help install install-dev docs demo reproduce fill table1 figures table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 concepts-tables pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
+.PHONY: help install install-dev docs demo reproduce fill table1 figures table2 table3 table4 table-trackers spectral-tables spectral-pages body-parts-table1 body-parts-table2 body-parts-table3 concepts-tables pcmrl-table1 pcmrl-table2 pcmrl-table3 rig-report latent-report solve-report solve-pages held-out unseen-rigs weights-report pretrain pretrain-data pretrain-measure pretrain-bundle lifter gallery first-animation first-picture retarget-report any-humanoid bench bench-compare bench-train bench-ingest lint test fuzz clean-run
 .SUFFIXES:
 
 help:
@@ -138,8 +138,8 @@ clean-run:
 gallery: install
 	@$(VENV)/bin/python benchmarks/gallery.py '$(SHARED_DATA)' '$(RUNS)/gallery' --picture docs/pictures/gallery.svg $(GALLERY_WEIGHTS:%=--weights '%')
 
+first-animation: install ; $(VENV)/bin/python benchmarks/first_animation.py '$(RUNS)/$@' $(ANIMATED:%=--weights '%')
 first-picture: install
-	@mkdir -p '$(RUNS)/gallery'
 	$(foreach each,$(PICTURED),$(PUMPS) infill stages/shared/clips/dance_b.bvh --keyframes every:15 -o '$(RUNS)/gallery/$(each).bvh' --overwrite --weights '$(each)' &&) true
 	$(PUMPS) report --motions truth=stages/shared/clips/dance_b.bvh $(foreach each,$(PICTURED),--motions '$(each)=$(RUNS)/gallery/$(each).bvh') --keyframes every:15 -o '$(RUNS)/gallery/filled.html' --overwrite --picture docs/pictures/first-fill.svg
 

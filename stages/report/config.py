@@ -38,4 +38,7 @@ class Config(WritingConfig):
     )
     output: Path = Field(description="HTML file to write.")
     picture: Path | None = Field(None, description="SVG file to write, too: poses across one gap of each scene.")
-    pictured: tuple[str, ...] = Field((), description="Scene to show in the picture; by default all.")
+    animation: Path | None = Field(
+        None, description="SVG file to write, too: the scenes playing beside their keys, for pages without scripts."
+    )
+    pictured: tuple[str, ...] = Field((), description="Scene to show in picture and animation; by default all.")

@@ -9,6 +9,7 @@ from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import UsageError
 from data_schemas.manifest import Artefact
+from stages.report.animation import animation_svg
 from stages.report.config import Config
 from stages.report.curves import curves_html
 from stages.report.filled_windows import FilledWindows
@@ -39,6 +40,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     check_file(config, (".html", ".htm"))
     if config.picture is not None:
         check_file(config, (".svg",), "picture")
+    if config.animation is not None:
+        check_file(config, (".svg",), "animation")
     progress.start("Writing the page", 3)
     scenes = scenes_of(config)
     filled_windows = _filled_windows(config) if config.fills else _NONE
@@ -64,13 +67,13 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         ),
     )
     progress.advance(1, "page")
-    drawn = _picture(scenes, config) if config.picture else ""
+    drawn = _drawn(scenes, config)
     write_output(config.output, page.encode("utf-8"))
     size_kb = len(page.encode()) // 1024
     lines = [f"Report: {config.output} ({size_kb} kB, {len(scenes)} scene{'s' if len(scenes) != 1 else ''})."]
-    if config.picture:
-        write_output(config.picture, drawn.encode("utf-8"))
-        lines.append(f"Picture: {config.picture} ({len(drawn.encode()) // 1024} kB).")
+    for what, path, svg in drawn:
+        write_output(path, svg.encode("utf-8"))
+        lines.append(f"{what}: {path} ({len(svg.encode()) // 1024} kB).")
     return StageReport(
         output=config.output,
         lines=lines,
@@ -78,12 +81,18 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     )
 
 
-def _picture(scenes: list[dict], config: Config) -> str:
+def _drawn(scenes: list[dict], config: Config) -> list[tuple[str, Path, str]]:
+    """The picture and the animation, where they are asked for: what each is called, its file and its text."""
+    if config.picture is None and config.animation is None:
+        return []
     unknown = sorted(set(config.pictured) - {scene["name"] for scene in scenes})
     chosen = [scene for scene in scenes if scene["name"] in config.pictured or not config.pictured]
     if unknown or not chosen:
         raise UsageError(f"No scene is called {unknown[0]!r}." if unknown else "There is no scene to draw.")
-    return strips_svg([farthest(chosen)] if config.fills and not config.pictured else chosen)
+    if config.fills and not config.pictured:
+        chosen = [farthest(chosen)]
+    asked = (("Picture", config.picture, strips_svg), ("Animation", config.animation, animation_svg))
+    return [(what, path, draw(chosen)) for what, path, draw in asked if path is not None]
 
 
 class _FilledWindows(NamedTuple):

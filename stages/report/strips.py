@@ -7,14 +7,13 @@ by its own frame's true pelvis, so that a method's drift shows as such.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from stages.report.line_charts import method_colour
+from stages.report.side_views import ground_of, points_of, shown_gap, side_view
 from stages.shared.markup import Markup, joined, markup
 
 POSES = 7
@@ -78,27 +77,18 @@ def farthest(scenes: Sequence[dict]) -> dict:
 
 
 def _travelled(scene: dict) -> float:
-    points = _points(scene["motions"][0])
+    points = points_of(scene["motions"][0])
     first, last = shown_gap(points, scene["keys"])
     return float(np.linalg.norm(np.diff(points[first : last + 1], axis=0), axis=-1).mean(axis=1).sum())
 
 
-def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
-    """The pair of neighbouring keys between which points (T, N, 3) travel furthest, a frame at least between them."""
-    travelled = np.linalg.norm(np.diff(points, axis=0), axis=-1).mean(axis=1)
-    gaps = [(a, b) for a, b in pairwise(keys) if b - a > 1]
-    if not gaps:
-        return 0, len(points) - 1
-    return max(gaps, key=lambda gap: travelled[gap[0] : gap[1]].sum())
-
-
 def _scene(scene: dict, top: int, *, stacked: bool, palette: Palette) -> list[Markup]:
     truth, *others = scene["motions"]
-    true = _points(truth)
+    true = points_of(truth)
     first, last = shown_gap(true, scene["keys"])
     frames = np.linspace(first, last, POSES).round().astype(int)
-    view = _side_view(true[first : last + 1], truth["root"])
-    span = (true[first : last + 1] - _ground(true, truth["root"])[first : last + 1]) @ view
+    view = side_view(true[first : last + 1], truth["root"])
+    span = (true[first : last + 1] - ground_of(true, truth["root"])[first : last + 1]) @ view
     floor = scene["floor"]
     scale = min((HEIGHT - 26) / max(span[..., 1].max() - floor, 0.1), 1.25 * CELL / max(np.ptp(span[..., 0]), 0.1))
     detail = scene["detail"]
@@ -111,12 +101,12 @@ def _scene(scene: dict, top: int, *, stacked: bool, palette: Palette) -> list[Ma
     for column, motion in enumerate(others):
         left = LABEL + (0 if stacked else column * (POSES * CELL + GAP))
         base = top + HEIGHT - 18 + (column * (HEIGHT + GAP) if stacked else 0)
-        made, colour = _points(motion), palette.methods[column % len(palette.methods)]
+        made, colour = points_of(motion), palette.methods[column % len(palette.methods)]
         moments = np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
         parts.append(markup('<path d="M{} {}H{}" stroke="{}"/>', left, base, left + POSES * CELL, palette.ground))
         for pose, (frame, moment) in enumerate(zip(frames, moments, strict=True)):
             middle = left + (pose + 0.5) * CELL
-            away = _ground(true, truth["root"])[frame]
+            away = ground_of(true, truth["root"])[frame]
             shade = palette.key if frame in scene["keys"] else colour
             for data, points, stroke, thick in (
                 (truth, true[frame], palette.truth, 4.0),
@@ -133,25 +123,6 @@ def _scene(scene: dict, top: int, *, stacked: bool, palette: Palette) -> list[Ma
             markup('<text x="{}" y="{}" fill="{}" font-size="11">{}</text>', left + 4, base + 14, colour, note)
         )
     return parts
-
-
-def _points(motion: dict) -> np.ndarray:
-    """(T, N, 3) metres of a packed motion."""
-    raw = np.frombuffer(base64.b64decode(motion["points"]), "<i2").astype(np.float64)
-    return raw.reshape(motion["frames"], motion["nodes"], 3) * motion["scale"]
-
-
-def _ground(points: np.ndarray, root: int) -> np.ndarray:
-    """(T, 1, 3) the pelvis' place on the ground."""
-    return points[:, root, None] * [1.0, 0.0, 1.0]
-
-
-def _side_view(points: np.ndarray, root: int) -> np.ndarray:
-    """(3, 2) from the world to the picture: along the horizontal line on which the body spreads most."""
-    spread = (points - _ground(points, root))[..., [0, 2]].reshape(-1, 2)
-    _, axes = np.linalg.eigh(spread.T @ spread)
-    along = axes[:, -1] * (1 if axes[:, -1] @ (points[-1, root] - points[0, root])[[0, 2]] >= 0 else -1)
-    return np.array([[along[0], 0.0], [0.0, 1.0], [along[1], 0.0]])
 
 
 def _pose_svg(edges: Sequence[Sequence[int]], places: np.ndarray, colour: str, thick: float, head: float) -> Markup:

@@ -13,7 +13,8 @@ import pytest
 from data_schemas.errors import UsageError
 from stages.report.config import Config
 from stages.report.run import run
-from stages.report.strips import KEY_COLOUR, POSES, TRUTH_COLOUR, shown_gap, strips_svg
+from stages.report.side_views import shown_gap
+from stages.report.strips import KEY_COLOUR, POSES, TRUTH_COLOUR, strips_svg
 from tests.report.pages import bvh_text, parsed
 
 
