@@ -46,7 +46,7 @@ def test_the_list_marks_the_default_and_names_licences(shelf: Path) -> None:
     assert "tiny" in text and "(default)" in text and report.figures["weights"]["tiny"]["default"] is True
     assert set(report.figures["weights"]["tiny"]["parameters"]) == {"autoencoder", "synthesiser"}
     shutil.rmtree(shelf / "tiny")
-    assert list_weights(ListConfig()).lines == ["No weights are shipped."]
+    assert list_weights(ListConfig()).lines == ["No weights are shipped or fetched."]
 
 
 def test_what_was_measured_is_told_by_its_intervals(shelf: Path) -> None:
@@ -74,5 +74,5 @@ def test_what_was_measured_is_told_by_its_intervals(shelf: Path) -> None:
 
 
 def test_unknown_weights_are_refused_by_name(shelf: Path) -> None:
-    with pytest.raises(InputError, match=r"neither .* nor shipped \(tiny\)"):
+    with pytest.raises(InputError, match=r"neither .* nor shipped \(tiny\), nor fetched"):
         show_weights(ShowConfig(name="huge"))
