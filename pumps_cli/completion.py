@@ -48,9 +48,10 @@ def _choices(annotation: Any) -> list[str]:
 
 
 def _weights() -> Sequence[str]:
+    from stages.shared.weights.fetched import fetched_weights
     from stages.shared.weights.shipped import shipped_weights
 
-    return shipped_weights()
+    return list(dict.fromkeys([*shipped_weights(), *fetched_weights()]))
 
 
 def _data_sets() -> Sequence[str]:

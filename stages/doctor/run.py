@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import platform
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, distributions, requires, version
 from typing import Any
 
 from data_schemas.manifest import open_artefact
 from data_schemas.version import PUMPS_VERSION
 from stages.doctor.config import Config
+from stages.doctor.cuda_libraries import CudaLibraries, advice, cuda_libraries
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
 
@@ -26,8 +27,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     lines = [f"pumps    {PUMPS_VERSION}", f"python   {python}"]
     lines += [f"{name:8} {found or 'MISSING: install pumps again'}" for name, found in packages.items()]
     lines.append(f"device   {device['name']}, {device['precision']}")
+    unused = _unused_cuda()
+    lines += [f"cuda     {advice(unused)}"] if unused else []
     lines += [f"weights  {each['name']}: {each['says']}" for each in weights] or ["weights  none are shipped"]
-    figures = {"pumps": PUMPS_VERSION, "python": python, "packages": packages, "device": device, "weights": weights}
+    figures = {"pumps": PUMPS_VERSION, "python": python, "packages": packages, "device": device, "weights": weights,
+               "unused_cuda_bytes": unused.bytes if unused else 0}  # fmt: skip
     return StageReport(lines=lines, figures=figures)
 
 
@@ -63,6 +67,15 @@ def _device(asked: str) -> dict[str, str]:
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else f"{torch.get_num_threads()} threads"
     precision = "bfloat16 in the networks" if computes_bfloat16(device) else "float32"
     return {"type": device.type, "name": f"{device.type} ({name})", "precision": precision}
+
+
+def _unused_cuda() -> CudaLibraries | None:
+    """The CUDA libraries, where PyTorch was built with CUDA and finds no GPU."""
+    import torch
+
+    if torch.version.cuda is None or torch.cuda.is_available():
+        return None
+    return cuda_libraries(distributions())
 
 
 def _weights() -> list[dict[str, Any]]:

@@ -42,7 +42,7 @@ GROUP_SUMMARIES = {
     "ingest": "Read recordings into a motion artefact.",
     "measure": "Measure one part: autoencoders, latents, the solver, motions.",
     "train": "Train a network.",
-    "weights": "List and show the weights that come with pumps; average, calibrate, adapt and pack your own.",
+    "weights": "List, show and fetch weights; average, calibrate, adapt and pack your own.",
 }
 
 # Names of stages in 0.1.0 -> names now. Settings files and `--set` may have the old ones for one more version.

@@ -277,9 +277,15 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("weights", "list"),
-        "List the weights that come with pumps: size, licences, training data.",
+        "List the weights that come with pumps or were fetched: size, licences, training data.",
         (), "", "pumps weights list",
         pipeline=False,
+    ),
+    Stage(
+        ("weights", "fetch"),
+        "Download weights, check them, and keep them where `--weights NAME` finds them.",
+        (), "checkpoint", "pumps weights fetch walks --registry weights.toml --accept-licence",
+        arguments=("source",), pipeline=False,
     ),
     Stage(
         ("weights", "show"),

@@ -19,7 +19,10 @@ from pumps_cli.app import build_app, tool_words
 from stages.registry import STAGES
 from stages.shared.contract import WritingConfig
 from tests.full_disk.writing_commands import CLIPS, FIRST_FORMS, PREPARED, PRINTING, WRITINGS
+from tests.shared.catalogue.loopback import loopback_server
+from tests.shared.inference.examples import write_random_weights
 from tests.shared.meshes.figures import write_bodies
+from tests.weights.fetch.archives_made import registry_of, tar_of
 
 REPOSITORY = Path(__file__).parents[2]
 DOWNLOAD = bytes(range(256)) * 400
@@ -50,6 +53,14 @@ def catalogue() -> Iterator[str]:
 
 
 @pytest.fixture
+def registry(tmp_path: Path) -> Iterator[str]:
+    """A registry of weights, which a server on this machine has."""
+    write_random_weights(tmp_path / "weights")
+    with loopback_server(tar_of(tmp_path / "weights")) as (behaviour, address):
+        yield registry_of(behaviour.content, url=f"{address}/walks.tar")
+
+
+@pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of 8 MB where one may be mounted, else a plain folder."""
     place = tmp_path / "disk"
@@ -75,10 +86,11 @@ def test_every_command_that_writes_is_tried() -> None:
             assert command in tried | PRINTING, f"add `pumps {command}` to WRITINGS or PRINTING"
 
 
-def test_a_full_disk(tmp_path: Path, disk: Path, catalogue: str) -> None:
+def test_a_full_disk(tmp_path: Path, disk: Path, catalogue: str, registry: str) -> None:
     made = tmp_path / "made"
     made.mkdir()
     (made / "catalogue.toml").write_text(catalogue)
+    (made / "weights.toml").write_text(registry)
     write_bodies(made / "boxes")
     (made / "body.toml").write_text(f'weights = "{made / "parts"}"\nmotion = "{CLIPS / "kick.bvh"}"\n')
     (made / "rig.bvh").write_text((CLIPS / "kick.bvh").read_text().replace("-42.1546", "-45.5"))  # longer thighs
@@ -104,8 +116,8 @@ def _is_made(_: str, __: str, code: int, told: str, ___: list[str]) -> bool:
 
 def _is_right(_: str, name: str, code: int, told: str, changed: list[str]) -> bool:
     """Exit code 1, one line that names the way out, and the disk as it was; the part of a download may stay."""
-    if name == "fetched" and any(each.endswith(".part") for each in changed):
-        changed = [each for each in changed if not each.endswith(("fetched", ".part", ".part.mark"))]
+    if name in ("fetched", "fetched-weights") and any(each.endswith(".part") for each in changed):
+        changed = [each for each in changed if not each.endswith((name, ".downloads", ".part", ".part.mark"))]
     return (
         code == 1
         and told.count("\n") == 1

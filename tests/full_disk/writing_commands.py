@@ -256,6 +256,11 @@ WRITINGS = (
         replaces=False,
     ),
     Writing(
+        "fetched-weights", "weights fetch",
+        "walks --registry {made}/weights.toml --acceptances {made}/accepted.json --accept-licence -o {out}",
+        replaces=False,
+    ),
+    Writing(
         "cloth", "simulate-cloth",
         "--count 3 --seconds 0.2 --rows 5 --size-m 0.3 --steps-per-second 200 -o {out}",
     ),

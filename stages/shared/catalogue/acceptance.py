@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Protocol
 
 import platformdirs
 
 from data_schemas.errors import UsageError
 from data_schemas.whole_file import write_whole
-from stages.shared.catalogue.catalogue import DataSet
+
+
+class Licensed(Protocol):
+    """What is downloaded under a licence of its own. licence_url and terms may be empty."""
+
+    @property
+    def licence(self) -> str: ...
+    @property
+    def licence_url(self) -> str: ...
+    @property
+    def terms(self) -> str: ...
 
 
 def acceptance_file() -> Path:
@@ -17,20 +28,21 @@ def acceptance_file() -> Path:
     return platformdirs.user_config_path("pumps") / "accepted_licences.json"
 
 
-def require_acceptance(name: str, data_set: DataSet, accepted_now: bool, file: Path) -> None:
-    """Check that this licence of this data set was accepted before, or is accepted now, which is then stored.
+def require_acceptance(name: str, licensed: Licensed, accepted_now: bool, file: Path) -> None:
+    """Check that the licence of what has this name was accepted before, or is accepted now, which is then stored.
 
     Raises: UsageError with the licence, if it is not accepted.
     """
     accepted = _read(file)
-    if accepted.get(name) == data_set.licence:
+    if accepted.get(name) == licensed.licence:
         return
     if not accepted_now:
+        where = f" ({licensed.licence_url})" if licensed.licence_url else ""
         raise UsageError(
-            f"{name} has its own licence: {data_set.licence} ({data_set.licence_url}). {data_set.terms}",
+            f"{name} has its own licence: {licensed.licence}{where}. {licensed.terms}".rstrip(),
             "If you accept it, run the command again with --accept-licence; you will not be asked again.",
         )
-    write_whole(file, json.dumps({**accepted, name: data_set.licence}, indent=1).encode())
+    write_whole(file, json.dumps({**accepted, name: licensed.licence}, indent=1).encode())
 
 
 def _read(file: Path) -> dict[str, str]:

@@ -6,6 +6,7 @@ import re
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -13,15 +14,20 @@ from data_schemas.errors import InputError, UsageError
 from stages.shared.file_names import is_file_name
 from stages.shared.toml import TOMLDecodeError, toml_values
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _CHECKSUM = re.compile(r"sha256:[0-9a-f]{64}|md5:[0-9a-f]{32}|")
 
 
-class _Strict(BaseModel):
+class Strict(BaseModel):
+    """Base of the entries of a catalogue: frozen, unknown keys refused."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class DataFile(_Strict):
+_Entry = TypeVar("_Entry", bound=Strict)
+
+
+class DataFile(Strict):
     """One file to download.
 
     name:     its plain file name on the disk.
@@ -40,7 +46,7 @@ class DataFile(_Strict):
     @field_validator("name")
     @classmethod
     def _plain(cls, name: str) -> str:
-        if not _NAME.fullmatch(name) or not is_file_name(name) or name.endswith((".part", ".part.mark")):
+        if not NAME.fullmatch(name) or not is_file_name(name) or name.endswith((".part", ".part.mark")):
             raise ValueError("must be a plain file name that does not end in .part or .part.mark")
         return name
 
@@ -59,7 +65,7 @@ class DataFile(_Strict):
         return checksum
 
 
-class DataSet(_Strict):
+class DataSet(Strict):
     """One data set.
 
     by_hand: instructions for a download that a person must do (an account is needed, or the host changes); then
@@ -114,22 +120,34 @@ def read_catalogue(path: Path | None = None) -> dict[str, DataSet]:
     where = str(path) if path else "data_sets.toml"
     try:
         data = path.read_bytes() if path else files("stages.shared.catalogue").joinpath("data_sets.toml").read_bytes()
-        tables = toml_values(data.decode("utf-8"))
     except OSError as error:
         raise InputError(f"{where} cannot be read: {error.strerror}.") from error
+    return entries_of(where, data, DataSet, "catalogue")
+
+
+def entries_of(where: str, data: bytes, kind: type[_Entry], what: str) -> dict[str, _Entry]:
+    """The tables of a TOML file by name, in the file's order, each an entry of this kind.
+
+    Args:
+        where: the file, for errors. what: what the file should be, for errors.
+
+    Raises: InputError listing every fault of the file.
+    """
+    try:
+        tables = toml_values(data.decode("utf-8"))
     except (UnicodeDecodeError, TOMLDecodeError) as error:
         raise InputError(f"{where} is not a TOML file: {error}.") from error
-    found: dict[str, DataSet] = {}
+    found: dict[str, _Entry] = {}
     faults: list[str] = []
     for name, table in tables.items():
         try:
-            if not _NAME.fullmatch(name):
+            if not NAME.fullmatch(name):
                 faults.append(f"the name {name!r} is not a plain word")
-            found[name] = DataSet.model_validate(table)
+            found[name] = kind.model_validate(table)
         except ValidationError as error:  # noqa: PERF203
             faults += [f"{name}.{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
     if faults:
-        raise InputError(f"{where} is not a catalogue: {'; '.join(faults)}.")
+        raise InputError(f"{where} is not a {what}: {'; '.join(faults)}.")
     return found
 
 

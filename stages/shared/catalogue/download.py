@@ -31,29 +31,39 @@ class _Changed(Exception):
 
 
 def fetch_file(
-    file: DataFile, folder: Path, *, progress: Progress, pause_s: float = 1.0, overwrite: bool = False
+    file: DataFile,
+    folder: Path,
+    *,
+    progress: Progress,
+    pause_s: float = 1.0,
+    overwrite: bool = False,
+    most_bytes: int = _MOST_UNSTATED,
 ) -> Path:
     """The file in `folder`, downloaded unless it is there completely, and verified by its checksum.
 
     Args:
         pause_s: wait after the first broken connection, doubled at each further one.
         overwrite: whether a file of this name with another checksum is replaced.
+        most_bytes: at which a file whose size is not stated is given up.
 
     Raises: UsageError if such a file is there and may not be replaced; PumpsError if the server cannot be reached or
         sends something else, or the disk is full. The downloaded part is kept, and the next call continues it (after
         a wrong checksum it starts from the beginning).
     """
     target = folder / file.name
+    source = f"; stated by {file.checksum_from}" if file.checksum_from else ""
     check_room(target, file.bytes)
     new_folder = not folder.exists()
-    resuming: Any = _Resuming(file, target, progress, pause_s, overwrite)  # pooch passes these arguments by position
+    resuming: Any = _Resuming(
+        file, target, progress, pause_s, overwrite, most_bytes
+    )  # pooch passes these arguments by position
     try:
         folder.mkdir(parents=True, exist_ok=True)
         pooch.get_logger().setLevel("ERROR")
         pooch.retrieve(file.url, file.checksum or None, fname=file.name, path=folder, downloader=resuming)
     except ValueError as error:  # pooch's exception for a wrong checksum
         raise PumpsError(
-            f"{file.name} does not match its checksum ({file.checksum}; stated by {file.checksum_from}).",
+            f"{file.name} does not match its checksum ({file.checksum}{source}).",
             "Run the command again to download it again; if it fails again, the publisher has changed the file.",
         ) from error
     except OSError as error:
@@ -68,8 +78,11 @@ def fetch_file(
 class _Resuming:
     """A downloader for pooch: called with the URL and the file to write."""
 
-    def __init__(self, file: DataFile, target: Path, progress: Progress, pause_s: float, overwrite: bool):
+    def __init__(
+        self, file: DataFile, target: Path, progress: Progress, pause_s: float, overwrite: bool, most_bytes: int
+    ):
         self.file, self.progress, self.pause_s = file, progress, pause_s
+        self.most_bytes = file.bytes or most_bytes
         self.target, self.overwrite = target, overwrite
         self.part = target.with_name(target.name + ".part")
         self.mark = target.with_name(target.name + ".part.mark")
@@ -79,7 +92,7 @@ class _Resuming:
             return None
         if self.target.exists() and not self.overwrite:  # pooch found another checksum
             raise UsageError(
-                f"{self.target} exists, but does not match the checksum of the data set's file.",
+                f"{self.target} exists, but does not match the checksum that is stated for it.",
                 "Give --overwrite to replace it, or another folder with -o.",
             )
         self.progress.start(f"downloading {self.file.name}", self.file.bytes or None)
@@ -141,7 +154,7 @@ class _Resuming:
             if answer.status_code not in (200, 206):
                 raise PumpsError(
                     f"{url} answers {answer.status_code} {answer.reason}.",
-                    "Try again later, or download the file by hand from the data set's home page.",
+                    "Try again later, or download the file by hand from its home page.",
                 )
             if answer.status_code == 206 and not answer.headers.get("Content-Range", "").startswith(f"bytes {have}-"):
                 raise _Changed
@@ -153,17 +166,16 @@ class _Resuming:
             self._append(answer, expected)
 
     def _append(self, answer: requests.Response, expected: int) -> None:
-        most = self.file.bytes or _MOST_UNSTATED
         with self.part.open("ab") as part:
             for block in answer.iter_content(_BLOCK):
                 part.write(block)
                 self.progress.advance(len(block))
-                if part.tell() > most:
+                if part.tell() > self.most_bytes:
                     part.close()
                     self._forget()
                     raise PumpsError(
-                        f"{self.file.name} should have {most:,} bytes, but the server sends more.",
-                        "The publisher has changed the file; see the data set's home page.",
+                        f"{self.file.name} should have {self.most_bytes:,} bytes at most, but the server sends more.",
+                        "The publisher has changed the file; see the home page.",
                     )
             if part.tell() < expected:
                 raise requests.ConnectionError("the connection closed before the end")

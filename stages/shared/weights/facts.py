@@ -13,6 +13,7 @@ from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
 from data_schemas.trainings import last_sentence, plain_trainings
 from stages.shared.weights import shipped
+from stages.shared.weights.fetched import fetched_folder
 from stages.shared.weights.shipped import CARD_NAME, MEASURED_NAME, default_weights, parts_of, weights_folder
 from stages.shared.weights.task_weights import task_weights
 
@@ -33,7 +34,7 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
     artefacts = [open_artefact(path, "checkpoint") for path in parts_of(folder)]
     kept = [read_checkpoint(each, optimiser=False) for each in artefacts]
     parts = ("autoencoder", "synthesiser")
-    name = folder.name if folder.parent == shipped.SHIPPED else str(name_or_path)
+    name = folder.name if folder.parent in (shipped.SHIPPED, fetched_folder()) else str(name_or_path)
     return {
         "name": name,
         "folder": str(folder),
@@ -74,7 +75,7 @@ def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
     rig = kept.config.get("rig")
     names = rig.get("skeleton", {}).get("names", []) if isinstance(rig, dict) else []
     return {
-        "name": folder.name if folder.parent == shipped.SHIPPED else str(name_or_path),
+        "name": folder.name if folder.parent in (shipped.SHIPPED, fetched_folder()) else str(name_or_path),
         "folder": str(folder),
         "task": str(kept.config["task"]),
         "corruption": str(kept.config.get("corruption", "")),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from data_schemas.errors import InputError, UsageError
+from stages.shared.weights.fetched import fetched_at
 
 SHIPPED = Path(__file__).resolve().parent
 # The first of these that is shipped is the default: free for any use before better but non-commercial ones.
@@ -36,9 +37,11 @@ def default_weights() -> str:
 def weights_folder(name_or_path: str | Path) -> Path:
     """The folder with `ae` and `lms` that a name or path means.
 
+    Shipped weights come before fetched ones of the same name.
+
     Raises: InputError naming the shipped weights, where it means none.
     """
-    for folder in (Path(name_or_path), SHIPPED / str(name_or_path)):
+    for folder in (Path(name_or_path), SHIPPED / str(name_or_path), *fetched_at(name_or_path)):
         if any((folder / ae / "manifest.json").is_file() for ae, _ in PARTS):
             return folder
     if (instead := WITHDRAWN.get(str(name_or_path))) is not None:
@@ -48,8 +51,9 @@ def weights_folder(name_or_path: str | Path) -> Path:
         )
     shipped = ", ".join(shipped_weights()) or "none"
     raise InputError(
-        f"There are no weights {name_or_path}: neither a folder with ae and lms, nor shipped ({shipped}).",
-        "Give --weights a shipped name, or the run's folder that `pumps train` wrote into.",
+        f"There are no weights {name_or_path}: neither a folder with ae and lms, nor shipped ({shipped}), nor "
+        "fetched.",
+        "Give --weights a name of `pumps weights list`, or the run's folder that `pumps train` wrote into.",
     )
 
 

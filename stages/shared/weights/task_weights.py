@@ -7,6 +7,7 @@ from pathlib import Path
 
 from data_schemas.errors import InputError
 from stages.shared.weights import shipped
+from stages.shared.weights.fetched import fetched_at
 
 
 def shipped_task_weights() -> list[str]:
@@ -29,10 +30,10 @@ def task_weights(name_or_path: str | Path) -> Path:
             return folder
     names = ", ".join(shipped_task_weights()) or "none"
     raise InputError(
-        f"There are no weights {name_or_path}: neither a checkpoint's folder, nor shipped ({names}).",
+        f"There are no weights {name_or_path}: neither a checkpoint's folder, nor shipped ({names}), nor fetched.",
         "Give --weights the folder that `pumps train finetune` wrote into.",
     )
 
 
-def _folders(name_or_path: str | Path) -> tuple[Path, Path]:
-    return Path(name_or_path), shipped.SHIPPED / str(name_or_path)
+def _folders(name_or_path: str | Path) -> tuple[Path, ...]:
+    return (Path(name_or_path), shipped.SHIPPED / str(name_or_path), *fetched_at(name_or_path))

@@ -6,4 +6,4 @@ from stages.shared.contract import StageConfig
 
 
 class Config(StageConfig):
-    """List the weights that come with pumps: size, licences, what they were trained on."""
+    """List the weights that come with pumps or were fetched: size, licences, what they were trained on."""

@@ -1,4 +1,4 @@
-"""`pumps weights list`: the weights that come with pumps."""
+"""`pumps weights list`: the weights that come with pumps, and those that were fetched."""
 
 from __future__ import annotations
 
@@ -7,18 +7,22 @@ from typing import Any
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
 from stages.shared.weights.facts import facts_of, task_facts_of
+from stages.shared.weights.fetched import fetched_weights
 from stages.shared.weights.shipped import shipped_weights
-from stages.shared.weights.task_weights import shipped_task_weights
+from stages.shared.weights.task_weights import is_of_task, shipped_task_weights
 from stages.weights.list.config import Config
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """Report name, size, licences and training data of each; the default is marked.
 
-    Raises: InputError if shipped weights are damaged.
+    Raises: InputError if weights are damaged.
     """
     found = {name: facts_of(name) for name in shipped_weights()}
     found |= {name: task_facts_of(name) for name in shipped_task_weights()}
+    for name in fetched_weights():
+        if name not in found:
+            found[name] = task_facts_of(name) if is_of_task(name) else facts_of(name)
     lines = []
     for name, facts in found.items():
         lines += [
@@ -26,7 +30,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             f"{'':12}trained on {facts['trained_on']}",
             *[f"{'':12}licence: {licence}" for licence in facts["licences"]],
         ]
-    lines.append("More of one: pumps weights show NAME" if found else "No weights are shipped.")
+    lines.append("More of one: pumps weights show NAME" if found else "No weights are shipped or fetched.")
     shown = {
         name: {key: value for key, value in facts.items() if key not in ("card", "measured")}
         for name, facts in found.items()

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import re
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -17,62 +14,15 @@ from stages.data.fetch.run import run
 from stages.shared.catalogue.catalogue import DataFile, read_catalogue
 from stages.shared.catalogue.download import _BLOCK, fetch_file
 from stages.shared.progress import SILENT
+from tests.shared.catalogue.loopback import Behaviour, loopback_server
 
 CONTENT = bytes(range(256)) * 4000  # 1 MB
 
 
-class Behaviour:
-    """The server's behaviour, and the requests that it received."""
-
-    def __init__(self) -> None:
-        self.content = CONTENT
-        self.etag = '"one"'
-        self.cut_after: list[int] = []  # bytes sent by the next answers before the connection closes
-        self.ranges = True
-        self.status = 200
-        self.asked: list[str | None] = []
-
-
 @pytest.fixture
 def server() -> Iterator[tuple[Behaviour, str]]:
-    behaviour = Behaviour()
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            wanted = self.headers.get("Range")
-            behaviour.asked.append(wanted)
-            if behaviour.status != 200:
-                self.send_error(behaviour.status)
-                return
-            start = 0
-            fresh = self.headers.get("If-Range") in (None, behaviour.etag)
-            if wanted and behaviour.ranges and fresh:
-                start = int(re.fullmatch(r"bytes=(\d+)-", wanted)[1])  # type: ignore[index]
-                if start >= len(behaviour.content):
-                    self.send_error(416)
-                    return
-                self.send_response(206)
-                self.send_header(
-                    "Content-Range", f"bytes {start}-{len(behaviour.content) - 1}/{len(behaviour.content)}"
-                )
-            else:
-                self.send_response(200)
-            body = behaviour.content[start:]
-            if behaviour.etag:
-                self.send_header("ETag", behaviour.etag)
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            cut = behaviour.cut_after.pop(0) if behaviour.cut_after else None
-            self.wfile.write(body[:cut])
-            self.close_connection = True
-
-        def log_message(self, format: str, *args: object) -> None: ...
-
-    listening = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=listening.serve_forever, args=(0.01,), daemon=True).start()
-    yield behaviour, f"http://127.0.0.1:{listening.server_address[1]}/walks.zip"
-    listening.shutdown()
-    listening.server_close()
+    with loopback_server(CONTENT) as (behaviour, address):
+        yield behaviour, f"{address}/walks.zip"
 
 
 def _file(url: str, content: bytes = CONTENT, **changes: object) -> DataFile:

@@ -44,7 +44,7 @@ def test_the_list_marks_the_default_and_names_licences(shelf: Path) -> None:
     assert "small" in text and "(default)" in text and report.figures["weights"]["small"]["default"] is True
     assert set(report.figures["weights"]["small"]["parameters"]) == {"autoencoder", "synthesiser"}
     shutil.rmtree(shelf / "small")
-    assert list_weights(ListConfig()).lines == ["No weights are shipped."]
+    assert list_weights(ListConfig()).lines == ["No weights are shipped or fetched."]
 
 
 def test_what_was_measured_is_told_by_its_intervals(shelf: Path) -> None:
@@ -72,5 +72,5 @@ def test_what_was_measured_is_told_by_its_intervals(shelf: Path) -> None:
 
 
 def test_unknown_weights_are_refused_by_name(shelf: Path) -> None:
-    with pytest.raises(InputError, match=r"neither .* nor shipped \(small\)"):
+    with pytest.raises(InputError, match=r"neither .* nor shipped \(small\), nor fetched"):
         show_weights(ShowConfig(name="huge"))

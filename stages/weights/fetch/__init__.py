@@ -1,0 +1,1 @@
+"""The stage behind `pumps weights fetch`."""

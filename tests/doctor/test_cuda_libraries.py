@@ -1,0 +1,47 @@
+"""`pumps doctor` names CUDA libraries that are of no use."""
+
+from __future__ import annotations
+
+from importlib.metadata import distributions
+from pathlib import Path
+
+import pytest
+import torch
+
+from stages.doctor import run as doctor
+from stages.doctor.config import Config
+from stages.doctor.cuda_libraries import CPU_BUILD
+
+SIZES = {
+    "torch": {"torch/lib/libtorch_cuda.so": 900_000_000, "torch/lib/libtorch_cpu.so": 400_000_000},
+    "nvidia-cublas-cu12": {"nvidia/cublas/lib/libcublas.so.12": 600_000_000},
+    "cuda_bindings": {"cuda/bindings/driver.so": 100_000_000},
+    "triton": {"triton/_C/libtriton.so": 500_000_000},
+    "numpy": {"numpy/core.so": 50_000_000},
+}
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five packages, whose files are recorded, and not there."""
+    for name, files in SIZES.items():
+        folder = tmp_path / f"{name.replace('-', '_')}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (folder / "RECORD").write_text("".join(f"{file},,{size}\n" for file, size in files.items()))
+    monkeypatch.setattr(doctor, "distributions", lambda: distributions(path=[str(tmp_path)]))
+
+
+@pytest.mark.parametrize(
+    ("built_with", "gpu", "told"), [("12.8", False, True), ("12.8", True, False), (None, False, False)]
+)
+def test_cuda_without_a_gpu_is_told(installed, monkeypatch, built_with: str | None, gpu: bool, told: bool):
+    monkeypatch.setattr(torch.version, "cuda", built_with)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: gpu)
+    report = doctor.run(Config(device="cpu"))
+    lines = [line for line in report.lines if line.startswith("cuda")]
+    assert bool(lines) == told
+    assert report.figures["unused_cuda_bytes"] == (2_100_000_000 if told else 0)
+    if told:
+        assert "2.1 GB" in lines[0] and CPU_BUILD in lines[0]
+        assert "pip uninstall torch cuda-bindings nvidia-cublas-cu12 triton" in lines[0]
