@@ -97,7 +97,9 @@ class RepairTask(DenoiseTask):
         """Each window mended by itself."""
         parents = self.rig.body.parents
         local = local_rotations(noisy.rotations, parents).numpy()
-        found = [mend_poses(turn, root) for root, turn in zip(noisy.roots.numpy(), local, strict=True)]
+        found = [
+            mend_poses(turn, root, limbs=self.limbs) for root, turn in zip(noisy.roots.numpy(), local, strict=True)
+        ]
         return pose_of_local([(each.positions, each.local) for each in found], parents)
 
 

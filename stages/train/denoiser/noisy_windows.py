@@ -53,12 +53,12 @@ def _noisy(
     above = torch.from_numpy(parents.clip(0))
     offsets = rotate(conjugate(rotations[:, above]), heads - heads[:, above])
     roots, local = heads[:, 0].numpy(), local_rotations(rotations, parents).numpy()
+    # Windows have no names; pairs are found by the shape of the limbs.
+    limbs = pairs_of_limbs(("",) * len(parents), parents, offsets.mean(0).numpy(), groups)
     if noise != NO_NOISE:
-        # Windows have no names; pairs are found by the shape of the limbs.
-        limbs = pairs_of_limbs(("",) * len(parents), parents, offsets.mean(0).numpy(), groups)
         roots, local, _ = NOISES[noise](roots, local, rng, limbs)
     if mended:
-        found = mend_poses(local, roots)
+        found = mend_poses(local, roots, limbs=limbs)
         roots, local = found.positions, found.local
     elif noise == NO_NOISE:
         return heads, rotations
