@@ -36,6 +36,10 @@ def figures_of(skeleton: Skeleton, found: Denoised) -> dict[str, Any]:
         "kept_frames": int((~touched).sum()),
         "noisy_frames": stretches(np.asarray(found.noisy.all(axis=1))),
         "filled_by_weights": stretches(found.filled),
+        "swapped": [
+            {"joint": skeleton.names[joint], "frames": stretches(found.swapped[:, joint])}
+            for joint in np.flatnonzero(found.swapped.any(axis=0))
+        ],
         "mean_shift_mm": float(1000 * moved.mean()) if len(moved) else 0.0,
         "most_shift_mm": float(1000 * found.shifted_m.max()),
         "joints": sorted(rows, key=lambda row: -row["mean_deg"] * row["frames"]),
@@ -52,6 +56,10 @@ def lines_of(figures: dict[str, Any], found: Denoised, seconds: float) -> list[s
         f"The position moved by {figures['mean_shift_mm']:.1f} mm where it moved, at most "
         f"{figures['most_shift_mm']:.1f} mm.",
     ]
+    if figures["swapped"]:
+        joints = ", ".join(row["joint"] for row in figures["swapped"])
+        frames = stretches(np.asarray(found.swapped.any(axis=1)))
+        lines.append(f"Left and right were exchanged and are put back{_listed(frames)}: {joints}.")
     if found.filled.any():
         lines.append(
             f"Filled by the weights, as no frame was usable: {int(found.filled.sum())} frames"

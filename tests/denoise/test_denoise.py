@@ -126,6 +126,34 @@ def test_a_mask_says_what_is_missing(folder: Path):
     assert (30, 39) in figures["noisy_frames"]
 
 
+def test_sides_that_are_exchanged_are_put_back(folder: Path):
+    """Cleaning the walk with its legs exchanged in 30 frames gives what cleaning the walk itself gives."""
+    bvh = read(WALK)
+    values = bvh.values.copy()
+    columns = {joint.name: slice(joint.first_channel, joint.first_channel + 3) for joint in bvh.joints}
+    for part in ("hip", "knee", "ankle"):
+        left, right = columns[f"left_{part}"], columns[f"right_{part}"]
+        values[40:70, left], values[40:70, right] = bvh.values[40:70, right], bvh.values[40:70, left]
+    kept = {row: row for row in range(bvh.frames) if not 40 <= row < 70}
+    (folder / "exchanged.bvh").write_bytes(write_bvh(bvh, values, kept))
+    given = {"input": folder / "exchanged.bvh"}
+    made, figures = cleaned(folder, "back", **given)
+    legs = {f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle")}
+    assert {row["joint"] for row in figures["swapped"]} == legs
+    assert all(row["frames"] == [(40, 69)] for row in figures["swapped"])
+    itself, _ = cleaned(folder, "itself", input=WALK)
+    np.testing.assert_allclose(made.values, itself.values, atol=1e-4)
+    assert [*made.rows[:40], *made.rows[70:]] == [*itself.rows[:40], *itself.rows[70:]]
+    assert error_mm(read(folder / "exchanged.bvh"), slice(40, 70)) > 50
+    half, _ = cleaned(folder, "half_strength", **given, strength=0.5)
+    assert error_mm(half, slice(40, 70)) < 1
+    for limits in ({"joints": "left_hip,left_knee"}, {"strength": 0.0}, {"method": "savgol"}):
+        made, figures = cleaned(folder, "limited", **given, **limits)
+        assert not figures["swapped"] and error_mm(made, slice(40, 70)) > 40
+    _, figures = cleaned(folder, "some_frames", **given, frames="40:50")
+    assert figures["swapped"][0]["frames"] == [(40, 49)] and figures["changed_frames"] == 10
+
+
 def test_other_formats_are_written(folder: Path):
     report = run(Config(input=folder / "noisy.bvh", output=folder / "clean.glb", fill="none", overwrite=True))
     assert (folder / "clean.glb").read_bytes()[:4] == b"glTF" and report.figures["changed_frames"] > 0

@@ -33,8 +33,10 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     )
     skeleton: str | None = Field(None, description="The rig: a BVH; by default that of the first fine-tuned weights.")
     output: Path = Field(description="Folder of the metrics artefact.")
-    noise: Literal["paper", "capture", "none"] = Field(
-        "paper", description="Preset of the noise; none measures what cleaning does to clean clips."
+    noise: Literal["paper", "capture", "swapped", "frozen", "lost", "none"] = Field(
+        "paper",
+        description="Preset of the noise; swapped (left and right limbs exchanged), frozen and lost are single "
+        "faults of capture; none measures what cleaning does to clean clips.",
     )
     filters: tuple[str, ...] = Field(
         ("laplacian", "savgol", "one-euro", "butterworth"), description="Plain filters to measure."

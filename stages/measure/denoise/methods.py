@@ -27,7 +27,7 @@ from stages.shared.kinematics.forward import local_rotations
 from stages.shared.kinematics.motion_filters import FILTERS, Filter, filter_rotations
 from stages.shared.pointcloud.rig import Rig
 from stages.shared.pose_tasks.body_pose import BodyPose
-from stages.shared.pose_tasks.denoise import DenoiseTask, pose_of_local
+from stages.shared.pose_tasks.denoise import DenoiseTask, limbs_of_rig, pose_of_local
 from stages.shared.solve.robust_smoothing import mend_poses
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.statistics.metrics import mpjpe_mm
@@ -47,7 +47,8 @@ class NoisyWindows:
 
     @classmethod
     def of(cls, rig: Rig, noisy: BodyPose, truth: BodyPose) -> NoisyWindows:
-        found = [mend_poses(turns, root) for root, turns in zip(*_local(rig, noisy), strict=True)]
+        limbs = limbs_of_rig(rig)
+        found = [mend_poses(turns, root, limbs=limbs) for root, turns in zip(*_local(rig, noisy), strict=True)]
         mended = pose_of_local([(each.positions, each.local) for each in found], rig.body.parents)
         return cls(noisy, mended, truth)
 

@@ -88,7 +88,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         write_metrics(draft.folder, rows, summary_md(config, rows, trained, widths))
     return StageReport(
         output=config.output,
-        lines=[*terminal_lines(rows, config.seed), f"Full tables: {config.output}, summary.md."],
+        lines=[
+            *_notes(rig, config),
+            *terminal_lines(rows, config.seed),
+            f"Full tables: {config.output}, summary.md.",
+        ],
         figures={"windows": count, "methods": [*methods], "widths": dict(widths)},
     )
 
@@ -185,6 +189,12 @@ def _noisy(rig: Rig, clean: BodyPose, clip: ClipRow, starts: list[int], config: 
     return DenoiseTask(rig, config.noise).corrupted(
         clean, [window_random(config.seed, clip, start) for start in starts]
     )
+
+
+def _notes(rig: Rig, config: Config) -> list[str]:
+    if config.noise == _NO_NOISE:
+        return []
+    return [f"Note: {note}" for note in DenoiseTask(rig, config.noise).notes]
 
 
 def _figures(rig: Rig, made: BodyPose, truth: BodyPose) -> list[float]:

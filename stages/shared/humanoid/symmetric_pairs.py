@@ -102,3 +102,32 @@ def _misfit(
     built = sum(len(children[a]) != len(children[b]) for a, b in zip(few, other, strict=True))
     late = sum(abs(index - place) for place, index in enumerate(order))
     return float((lengths + np.abs(gaps[0] - gaps[1]).sum() / 2) / size) + built + 1e-6 * late
+
+
+def pairs_of_limbs(
+    names: tuple[str, ...], parents: np.ndarray, offsets: np.ndarray, groups: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """The pairs of the arms and those of the legs, each (P, 2) left and right; collar bones are of the arms, toes of
+    the legs. Limbs without pairs are left out.
+
+    Args: as `find_pairs`.
+    """
+    pairs = find_pairs(names, parents, offsets, groups)
+    limbs = (_pairs_along(pairs, parents, groups, group) for group in (LEFT_ARM, LEFT_LEG))
+    return tuple(limb for limb in limbs if len(limb))
+
+
+def _pairs_along(
+    pairs: tuple[tuple[int, int], ...], parents: np.ndarray, groups: np.ndarray, group: int
+) -> np.ndarray:
+    """(P, 2) pairs whose left joint is of a group, or above or below a left joint of a pair that is."""
+    own = {left for left, _ in pairs if groups[left] == group}
+    lefts = {left for left, _ in pairs}
+    found = set(own)
+    for joint in own:
+        while (joint := int(parents[joint])) in lefts:
+            found.add(joint)
+    for joint in sorted(lefts):
+        if int(parents[joint]) in found:
+            found.add(joint)
+    return np.array([pair for pair in pairs if pair[0] in found], np.int64).reshape(-1, 2)

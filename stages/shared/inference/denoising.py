@@ -1,4 +1,4 @@
-"""Clean a motion on its own skeleton: mend what is noisy or missing, fill long gaps, or run a plain filter."""
+"""Clean a motion on its own skeleton: put exchanged sides back, mend what is noisy or missing, or run a filter."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.skeleton import Motion, Skeleton
+from stages.shared.humanoid.symmetric_pairs import pairs_of_limbs
 from stages.shared.inference.cloud_sources import SynthesisedClouds
 from stages.shared.inference.filling import FillOptions, fill_motion
 from stages.shared.inference.models import Models
@@ -29,6 +30,7 @@ class Denoised:
 
     noisy:   (T, J) True where a joint was found noisy or was missing (for a plain filter: was missing).
     filled:  (T,) frames that the models filled.
+    swapped: (T, J) True where a joint got the rotation of its partner on the other side.
     changed: (T, J) True where a joint's local rotation changed. moved: (T,) True where a position did.
     turned_deg: (T, J) by how much a joint turned, degrees. shifted_m: (T,) by how much joint 0 or a track moved.
     """
@@ -36,6 +38,7 @@ class Denoised:
     motion: Motion
     noisy: np.ndarray
     filled: np.ndarray
+    swapped: np.ndarray
     changed: np.ndarray
     moved: np.ndarray
     turned_deg: np.ndarray
@@ -81,11 +84,18 @@ def denoise_motion(
     gone = np.asarray(missing.all(axis=1))
     filled = np.zeros(motion.frames, bool)
     noisy = missing.copy()
+    swapped = np.zeros_like(missing)
     start_local, start_places = (local, places)
+    every, each = np.ones(motion.frames, bool), np.ones(skeleton.joints, bool)
+    each = each if joints is None else joints
+    asked = (every if frames is None else frames)[:, None] & each
     if options.method in MENDING or missing.any():
-        mended = mend_poses(local, places, missing)
+        limbs = pairs_of_limbs(skeleton.names, skeleton.parents, skeleton.offsets, skeleton.groups)
+        # A limb is put back as a whole or not at all.
+        limbs = [limb for limb in limbs if options.method in MENDING and options.strength and each[limb].all()]
+        mended = mend_poses(local, places, missing, limbs)
         if options.method in MENDING:
-            noisy = mended.noisy
+            noisy, swapped = mended.noisy, mended.swapped & asked
             start_local, start_places = mended.local, mended.positions
             unusable = mended.frames
         else:
@@ -115,14 +125,12 @@ def denoise_motion(
             motion_from(skeleton, motion, start_local, start_places),
         )
         start_local, start_places = local_rotations_of(skeleton, made), positions_in(made)
-    every, each = np.ones(motion.frames, bool), np.ones(skeleton.joints, bool)
-    asked = (every if frames is None else frames)[:, None] & (each if joints is None else joints)
-    share = np.where(missing, 1.0, options.strength * asked)
+    share = np.where(missing | swapped, 1.0, options.strength * asked)
     made_local = slerp(local, aligned_signs(start_local, local), share[..., None])
     made_local = np.where(missing[..., None], start_local, np.where(share[..., None] > 0, made_local, local))
     share = np.where(gone, 1.0, options.strength * np.asarray(asked.any(axis=1)) * positions)[:, None]
     made_places = np.where(gone[:, None], start_places, places + share * (start_places - places))
-    return _compared(skeleton, motion, local, places, made_local, made_places, missing, gone, noisy, filled)
+    return _compared(skeleton, motion, local, places, made_local, made_places, missing, gone, noisy, filled, swapped)
 
 
 def _compared(
@@ -136,6 +144,7 @@ def _compared(
     gone: np.ndarray,
     noisy: np.ndarray,
     filled: np.ndarray,
+    swapped: np.ndarray,
 ) -> Denoised:
     apart_rad = angles_between(made_local, local)
     turned = np.degrees(apart_rad)
@@ -145,7 +154,7 @@ def _compared(
     moved = (shifted > _CHANGED) | gone
     return Denoised(
         motion_from(skeleton, motion, made_local, made_places),
-        noisy, filled, changed, moved,
+        noisy, filled, swapped, changed, moved,
         np.where(missing, 0.0, turned), np.where(gone, 0.0, shifted),
     )  # fmt: skip
 

@@ -10,9 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stages.shared.humanoid.symmetric_pairs import pairs_of_limbs
 from stages.shared.kinematics.forward import global_rotations, local_rotations
+from stages.shared.pointcloud.rig import Rig
 from stages.shared.pose_tasks.body_pose import BodyPose, placing_of, pose_features
-from stages.shared.pose_tasks.noise import NOISES
+from stages.shared.pose_tasks.noise import CAPTURE, NOISES, SWAPPED, check_pairs
 from stages.shared.pose_tasks.task import PoseTask, TaskBatch
 from stages.shared.solve.robust_smoothing import mend_poses
 
@@ -33,6 +35,18 @@ class DenoiseTask(PoseTask):
 
     name: ClassVar[str] = "denoise"
     corruptions: ClassVar[tuple[str, ...]] = tuple(NOISES)
+
+    def __init__(self, rig: Rig, corruption: str | None = None):
+        super().__init__(rig, corruption)
+        self.limbs = limbs_of_rig(rig)
+        if self.corruption == SWAPPED:
+            check_pairs(self.limbs)
+
+    @property
+    def notes(self) -> list[str]:
+        if self.corruption != CAPTURE or self.limbs:
+            return []
+        return ["The rig has no pairs of left and right joints, so the noise exchanges none."]
 
     @property
     def features(self) -> int:
@@ -57,7 +71,7 @@ class DenoiseTask(PoseTask):
         parents = self.rig.body.parents
         local = local_rotations(clean.rotations, parents).numpy()
         made = [
-            NOISES[self.corruption](root, turn, row)[:2]
+            NOISES[self.corruption](root, turn, row, self.limbs)[:2]
             for root, turn, row in zip(clean.roots.numpy(), local, rows, strict=True)
         ]
         return pose_of_local(made, parents)
@@ -83,7 +97,9 @@ class RepairTask(DenoiseTask):
         """Each window mended by itself."""
         parents = self.rig.body.parents
         local = local_rotations(noisy.rotations, parents).numpy()
-        found = [mend_poses(turn, root) for root, turn in zip(noisy.roots.numpy(), local, strict=True)]
+        found = [
+            mend_poses(turn, root, limbs=self.limbs) for root, turn in zip(noisy.roots.numpy(), local, strict=True)
+        ]
         return pose_of_local([(each.positions, each.local) for each in found], parents)
 
 
@@ -92,3 +108,14 @@ def pose_of_local(parts: Sequence[tuple[np.ndarray, np.ndarray]], parents: np.nd
     roots = torch.from_numpy(np.stack([roots for roots, _ in parts])).float()
     local = torch.from_numpy(np.stack([local for _, local in parts])).float()
     return BodyPose(roots, global_rotations(local, parents))
+
+
+def limbs_of_rig(rig: Rig) -> tuple[np.ndarray, ...]:
+    """Pairs (P, 2) of left and right bones of the arms and of the legs, among the bones of the rig's body."""
+    skeleton, joints = rig.skeleton, rig.body.joints
+    place = {int(joint): bone for bone, joint in enumerate(joints)}
+    limbs = pairs_of_limbs(skeleton.names, skeleton.parents, skeleton.offsets, skeleton.groups)
+    inside = [
+        [[place[int(j)] for j in pair] for pair in limb if all(int(j) in place for j in pair)] for limb in limbs
+    ]
+    return tuple(np.array(limb) for limb in inside if limb)

@@ -71,6 +71,11 @@ class PoseTask(ABC):
         self.rig, self.corruption = rig, corruption
 
     @property
+    def notes(self) -> list[str]:
+        """What a user should know of this task on this rig."""
+        return []
+
+    @property
     @abstractmethod
     def features(self) -> int:
         """Number of features of a frame."""

@@ -1,4 +1,5 @@
-"""Mend noisy and missing frames from the clean ones, and take off the jitter that is left.
+"""Put left and right back where they are exchanged, mend noisy and missing frames from the clean ones, and take off
+the jitter that is left.
 
 No model is needed: noise is found in the motion itself (`stages.shared.kinematics.noisy_frames`), noisy values count
 for almost nothing in Whittaker's smoother, and clean ones stay as they are.
@@ -6,6 +7,7 @@ for almost nothing in Whittaker's smoother, and clean ones stay as they are.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +15,7 @@ import numpy as np
 from stages.shared.kinematics.noisy_frames import errors_from_clean, noisy_frames, noisy_joints
 from stages.shared.kinematics.rotations import continuous_signs
 from stages.shared.kinematics.runs import runs_of
+from stages.shared.kinematics.swapped_sides import exchanged, exchanged_frames
 from stages.shared.solve.smoothing import smooth_as_needed, smooth_corrections
 
 _MISSING_WEIGHT = 1e-6  # of a missing frame, against 1
@@ -28,30 +31,38 @@ _LOST_DEGREES = 10.0
 @dataclass(frozen=True)
 class Mended:
     """local (T, J, 4) unit float64, positions (T, C), noisy (T, J) True where a joint was mended, frames (T,) True
-    where the whole frame was."""
+    where the whole frame was, swapped (T, J) True where a joint got the rotation of its partner on the other side."""
 
     local: np.ndarray
     positions: np.ndarray
     noisy: np.ndarray
     frames: np.ndarray
+    swapped: np.ndarray
 
 
-def mend_poses(local: np.ndarray, positions: np.ndarray, missing: np.ndarray | None = None) -> Mended:
-    """Find noisy frames and joints, put what clean frames say in their place, smooth jitter.
+def mend_poses(
+    local: np.ndarray,
+    positions: np.ndarray,
+    missing: np.ndarray | None = None,
+    limbs: Sequence[np.ndarray] = (),
+) -> Mended:
+    """Put exchanged limbs back, find noisy frames and joints, mend them from clean frames, smooth jitter.
 
     Args:
         local: (T, J, 4) unit quaternions in the parents' frames. positions: (T, C) position channels, metres.
         missing: (T, J) True where a rotation is not there; positions of frames with no joint there are missing too.
+        limbs: pairs (P, 2) of left and right joints, of each limb whose sides may be exchanged.
 
     In each column of `missing` one frame at least must be there.
     """
     frames, joints = local.shape[:2]
     gone = np.zeros((frames, joints), bool) if missing is None else missing.copy()
     empty = np.asarray(gone.all(axis=1))
+    local, gone, swapped = _sides_put_back(local, gone, limbs)
     curves = continuous_signs(_bridged(np.asarray(local, np.float64), gone))
     places = _bridged(np.asarray(positions, np.float64)[:, None], empty[:, None])[:, 0]
     if frames < 5:
-        return Mended(curves, places, gone, empty)
+        return Mended(curves, places, gone, empty, swapped)
     stuck = lost_joints(curves) | frozen_joints(curves)
     noisy = np.zeros(frames, bool)
     there = np.flatnonzero(~empty)
@@ -71,7 +82,24 @@ def mend_poses(local: np.ndarray, positions: np.ndarray, missing: np.ndarray | N
     places = _mended(
         places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0])
     )
-    return Mended(_without_jitter(made), _positions_without_jitter(places), bad, whole)
+    return Mended(_without_jitter(made), _positions_without_jitter(places), bad, whole, swapped)
+
+
+def _sides_put_back(
+    local: np.ndarray, gone: np.ndarray, limbs: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rotations, what is missing of them, and (T, J) True where they were exchanged with the other side's."""
+    swapped = np.zeros(gone.shape, bool)
+    there = np.flatnonzero(~gone.all(axis=1))
+    if not limbs or len(there) < 5:
+        return local, gone, swapped
+    curves = _bridged(np.asarray(local, np.float64), gone)[there]
+    for limb in limbs:
+        at = there[exchanged_frames(curves, limb)]
+        if len(at):
+            local, gone = exchanged(local, at, limb), exchanged(gone, at, limb)
+            swapped[at[:, None], limb.ravel()] = True
+    return local, gone, swapped
 
 
 def lost_joints(rotations: np.ndarray) -> np.ndarray:

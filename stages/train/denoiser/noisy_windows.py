@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stages.shared.humanoid.symmetric_pairs import pairs_of_limbs
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations
 from stages.shared.kinematics.rotations import conjugate, rotate
 from stages.shared.pose_tasks.noise import NOISES
@@ -32,22 +33,32 @@ def noisy_windows(
         frames = int(windows.valid[row].sum())
         bones = int((windows.parents[row] >= 0).sum()) + 1
         parents = windows.parents[row, :bones].numpy()
-        made = _noisy(heads[row, :frames, :bones], rotations[row, :frames, :bones], parents, noise, rng, mended)
+        groups = windows.groups[row, :bones].numpy()
+        body = (heads[row, :frames, :bones], rotations[row, :frames, :bones])
+        made = _noisy(*body, parents, groups, noise, rng, mended)
         heads[row, :frames, :bones], rotations[row, :frames, :bones] = made
     return heads, rotations
 
 
 def _noisy(
-    heads: Tensor, rotations: Tensor, parents: np.ndarray, noise: str, rng: np.random.Generator, mended: bool
+    heads: Tensor,
+    rotations: Tensor,
+    parents: np.ndarray,
+    groups: np.ndarray,
+    noise: str,
+    rng: np.random.Generator,
+    mended: bool,
 ) -> tuple[Tensor, Tensor]:
     """One window: heads (T, J, 3) and rotations (T, J, 4) of all its bones, the pelvis first."""
     above = torch.from_numpy(parents.clip(0))
     offsets = rotate(conjugate(rotations[:, above]), heads - heads[:, above])
     roots, local = heads[:, 0].numpy(), local_rotations(rotations, parents).numpy()
+    # Windows have no names; pairs are found by the shape of the limbs.
+    limbs = pairs_of_limbs(("",) * len(parents), parents, offsets.mean(0).numpy(), groups)
     if noise != NO_NOISE:
-        roots, local, _ = NOISES[noise](roots, local, rng)
+        roots, local, _ = NOISES[noise](roots, local, rng, limbs)
     if mended:
-        found = mend_poses(local, roots)
+        found = mend_poses(local, roots, limbs=limbs)
         roots, local = found.positions, found.local
     elif noise == NO_NOISE:
         return heads, rotations

@@ -56,7 +56,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             "from": config.from_,
         }
         inputs = [reader.artefact, *sources]
-        return finish(config, trained, stage="train-finetune", network=kept, data=data_of(reader), inputs=inputs)
+        report = finish(config, trained, stage="train-finetune", network=kept, data=data_of(reader), inputs=inputs)
+    return report.model_copy(update={"lines": [*(f"Note: {note}" for note in task.notes), *report.lines]})
 
 
 def started_network(

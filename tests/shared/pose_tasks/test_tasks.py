@@ -84,7 +84,9 @@ def test_a_part_of_a_batch_is_that_part(name: str):
         torch.testing.assert_close(part.features, whole.features[1:], atol=1e-5, rtol=0)
         assert whole.features.shape == (3, 40, task.features) and bool(torch.isfinite(whole.features).all())
         figures = task.measures(whole.target, whole)
-        assert figures["mpjpe_mm"] < 0.05 < task.measures(whole.base, whole)["mpjpe_mm"]
+        assert figures["mpjpe_mm"] < 0.05
+        # A joint that is frozen or lost may be mended to the last tenth of a millimetre.
+        assert name == "repair" or task.measures(whole.base, whole)["mpjpe_mm"] > 0.05
 
 
 @pytest.mark.parametrize("name", OWN)

@@ -20,7 +20,7 @@ def degrees(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.degrees(2 * np.arccos(np.clip(np.abs((one * other).sum(-1)), 0, 1)))
 
 
-@pytest.mark.parametrize("noise", sorted(NOISES))
+@pytest.mark.parametrize("noise", ["paper", "capture"])
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_goes(noise: str, seed: int):
     roots, local, _ = NOISES[noise](ROOTS, LOCAL, np.random.default_rng(seed))
