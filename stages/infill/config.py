@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from stages.shared.contract import NAMES_OF, DeviceConfig, MotionFilesConfig, SeededConfig
 from stages.shared.weights.shipped import default_weights
@@ -88,8 +88,25 @@ class Config(MotionFilesConfig, DeviceConfig, SeededConfig):
         ge=1,
         le=1000,
     )
+    sample: int | None = Field(
+        None,
+        description="The one of several fills to write alone: NAME.bvh is what --samples writes as NAME-SAMPLE.bvh.",
+        ge=1,
+        le=1000,
+    )
     foot_lock: bool = Field(True, description="Keep planted feet in place by adjusting the legs.")
     points: int = Field(256, description="Points per cloud.", ge=16, le=100_000)
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> Config:
+        if self.sample is not None and self.samples > 1:
+            raise ValueError("sample names one fill and samples asks for several: give one of them")
+        return self
+
+    @property
+    def wanted(self) -> tuple[int, ...]:
+        """Numbers of the fills to make, from 1, the usual one."""
+        return tuple(range(1, self.samples + 1)) if self.sample is None else (self.sample,)
 
     def outputs_of(self, output: Path) -> tuple[Path, ...]:
         """`clip.bvh`, or `clip-1.bvh`, `clip-2.bvh` and so on where several fills are wanted."""

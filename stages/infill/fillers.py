@@ -31,7 +31,7 @@ class Filler:
     longest_gap: model frames, the longest gap that it was trained on.
     trained_on, licences: of the training data.
     fills:       called with a skeleton, T frames of a motion, which of them are known (T,), and what is given beside
-                 whole keys; returns `config.samples` fills, the usual one first.
+                 whole keys; returns the fills that `config.wanted` names.
     """
 
     name: str
@@ -60,21 +60,23 @@ def _models(config: Config) -> Filler:
 def _by_models(
     models: Models, config: Config, skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None
 ) -> list[Filled]:
-    """Raises InputError where several fills are wanted and the weights do not hold how motions vary."""
+    """Raises InputError where another fill than the usual is wanted and the weights do not hold how motions vary."""
     options = FillOptions(foot_lock=config.foot_lock)
-    variation = variation_of(models) if config.samples > 1 else None  # before filling: weights may lack it
+    variation = variation_of(models) if config.wanted != (1,) else None  # before filling: weights may lack it
     usual = fill_motion(
         skeleton, given, known, SynthesisedClouds(models),
         points=config.points, seed=config.seed, device=models.autoencoder.device, options=options, fixed=fixed,
     )  # fmt: skip
     if variation is None:
         return [usual]
-    return [usual] + [
-        varied_fill(
+    return [
+        usual
+        if number == 1
+        else varied_fill(
             skeleton, usual, known, models.autoencoder, variation, seeds=(config.seed, number),
             points=config.points, options=options, fixed=fixed,
         )
-        for number in range(2, config.samples + 1)
+        for number in config.wanted
     ]  # fmt: skip
 
 
@@ -97,7 +99,7 @@ def _concepts(config: Config) -> Filler:
                 "--method concepts fills between whole keyframes.", "Leave the other constraints out, or the method."
             )
         options = FillOptions(foot_lock=config.foot_lock)
-        codes = [None, *((config.seed, number) for number in range(2, config.samples + 1))]
+        codes = [None if number == 1 else (config.seed, number) for number in config.wanted]
         return [concept_fill(model, skeleton, given, known, seeds=each, options=options) for each in codes]
 
     frames = round(model.window * MODEL_FPS / model.fps)

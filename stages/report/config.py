@@ -27,6 +27,12 @@ class Config(WritingConfig):
         description="NAME=PATH of a BVH (FILE.zip!MEMBER too) or a motion artefact to play side by side, the true"
         " motion first; SCENE/NAME=PATH for several scenes. SCENE is a title, or TITLE: DETAIL.",
     )
+    samples: tuple[str, ...] = Field(
+        (),
+        description="BVH of one of several fills (`pumps infill --samples`), or a pattern such as 'tries-*.bvh': they"
+        " are played over each other, and drawn by how far they are from each other.",
+    )
+    truth: Path | None = Field(None, description="BVH of the true motion of --samples.")
     keyframes: str = Field("every:15", description="Which frames of the motions were known.")
     scene_keyframes: tuple[str, ...] = Field((), description="SCENE=FRAMES: the known frames of one scene.")
     slerp: bool = Field(True, description="Also play slerp between the keyframes of the first motion of each scene.")

@@ -16,6 +16,7 @@ from stages.report.filled_windows import FilledWindows
 from stages.report.film_strips import film_strips_html
 from stages.report.results import results_html
 from stages.report.scenes import scenes_of
+from stages.report.several_fills import several_fills, several_fills_html
 from stages.report.spectra import spectra_html
 from stages.report.strips import farthest, strips_svg
 from stages.shared.contract import StageReport
@@ -35,8 +36,12 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         InputError: an artefact or a motion is missing or bad.
         PumpsError: the page cannot be written.
     """
-    if not (config.metrics or config.checkpoints or config.motions or config.fills):
-        raise UsageError("There is nothing to report.", "Give --metrics, --fills, --checkpoints or --motions.")
+    if not (config.metrics or config.checkpoints or config.motions or config.fills or config.samples):
+        raise UsageError(
+            "There is nothing to report.", "Give --metrics, --fills, --checkpoints, --motions or --samples."
+        )
+    if config.truth and not config.samples:
+        raise UsageError("--truth is the true motion of --samples, and there are none.", "Use --motions truth=FILE.")
     check_file(config, (".html", ".htm"))
     if config.picture is not None:
         check_file(config, (".svg",), "picture")
@@ -46,6 +51,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     scenes = scenes_of(config)
     filled_windows = _filled_windows(config) if config.fills else _NONE
     scenes += filled_windows.scenes
+    fills = several_fills(config) if config.samples else None
+    scenes += [fills.scene(config)] if fills else []
     progress.advance(1, "motions")
     metrics = open_artefact(config.metrics, "metrics") if config.metrics else None
     checkpoints = [open_artefact(path, "checkpoint") for path in config.checkpoints]
@@ -58,7 +65,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         player=_asset("player.html") if scenes else "",
         scenes=script_data(scenes),
         results=results_html(metrics) if metrics else "",
-        figures=filled_windows.figures,
+        figures=joined([several_fills_html(fills) if fills else "", filled_windows.figures]),
         training=joined(_training(checkpoint) for checkpoint in checkpoints),
         origin=_origin(
             [artefact for artefact in (metrics, *filled_windows.artefacts, *checkpoints) if artefact],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -73,7 +73,7 @@ def _loaded(config: Config) -> Iterator[tuple[Heading, list[Played]]]:
         scenes.setdefault(scene, []).append((name, Path(path)))
     for scene, members in scenes.items():
         artefacts = [(name, path) for name, path in members if (path / MANIFEST_NAME).is_file() or path.is_dir()]
-        files = [Played(name, *_read_file(path)) for name, path in members if (name, path) not in artefacts]
+        files = [played_file(name, str(path)) for name, path in members if (name, path) not in artefacts]
         if not artefacts:
             yield heading_of(scene) if scene else Heading(_scene_name(members)), files
         else:
@@ -84,10 +84,11 @@ def _scene_name(members: list[tuple[str, Path]]) -> str:
     return members[0][1].stem
 
 
-def _read_file(path: Path) -> tuple[Skeleton, Motion]:
-    source = source_named(str(path))
+def played_file(name: str, path: str) -> Played:
+    """A BVH file, or a member of an archive. Raises InputError where it cannot be read."""
+    source = source_named(path)
     skeleton, motion, _ = motion_of(read_bvh(source.read(), source.name))
-    return skeleton, motion
+    return Played(name, skeleton, motion)
 
 
 def _clips_of(
@@ -120,7 +121,12 @@ def _scene(heading: Heading, motions: list[Played], config: Config, keyframes: s
     keys = parse_keyframes(keyframes, first.motion.frames)
     if config.slerp and all(played.name != SLERP for played in motions):
         motions = [first, Played(SLERP, first.skeleton, slerped(first.skeleton, first.motion, keys)), *motions[1:]]
-    kept = [replace(played, motion=_shortened(played.motion, config.max_seconds)) for played in motions]
+    return played_scene(heading, motions, keys, config.max_seconds)
+
+
+def played_scene(heading: Heading, motions: Sequence[Played], keys: np.ndarray, max_seconds: float) -> dict:
+    """The scene of some motions, each cut after `max_seconds`."""
+    kept = [replace(played, motion=_shortened(played.motion, max_seconds)) for played in motions]
     return scene_of(heading, keys, [_drawing_of(played) for played in kept])
 
 

@@ -10,11 +10,14 @@ from typing import Any
 
 from data_schemas.errors import PumpsError, UsageError
 from data_schemas.whole_file import write_whole
+from stages.registry import stage_named
+from stages.shared.contract import StageReport
 from stages.shared.file_names import is_file_name
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.sources import source_named
 from stages.shared.inference.constraints.asked import Constraints
 from stages.shared.weights.shipped import shipped_weights
+from stages.studio.fills import fills_of
 from stages.studio.folder import Folder
 from stages.studio.jobs import Job, Jobs
 from stages.studio.opening import dropped, inside, member_of, write_as_bvh
@@ -132,7 +135,7 @@ class Bench:
         return self.sessions.change(session, change, revision)
 
     def fill(self, session: str, samples: int) -> Job:
-        """Fill the motion on the timeline as the settings say, once or with several seeds."""
+        """Fill the motion on the timeline as the settings say, once or in several plausible ways."""
         found = self.sessions.load(session)
         state = found.state
         self._check_offered(state.settings.weights)  # the session's file may be somebody else's
@@ -141,24 +144,25 @@ class Bench:
             raise UsageError(f"{samples} samples are asked for.", f"Ask for 1 to {MOST_SAMPLES}.")
 
         def work(told: Told) -> dict[str, Any]:
-            made = []
-            for sample in range(samples):
-                settings = state.settings.model_copy(update={"seed": state.settings.seed + sample})
-                options = fill_options(settings, self._device)
-                motion = self.sessions.take_motion_name(session)
-                asked = source.with_name(f"{motion}.json")
-                write_whole(asked, constraints_bytes(settings.constraints))
-                values = {**options, "input": source, "constraints": asked}
-                told_here = told if samples == 1 else _counted(told, sample, samples)
-                output, lines = self._run(FILL, values, source.with_name(f"{motion}.bvh"), told_here)
-                name = f"fill {motion[1:]}: {settings.weights}" + (f", seed {settings.seed}" if settings.seed else "")
+            settings = state.settings
+            options = fill_options(settings, self._device)
+            motions = [self.sessions.take_motion_name(session) for _ in range(samples)]
+            output = source.with_name(f"{motions[0]}.{'bvh' if samples == 1 else 'tries.bvh'}")
+            asked = source.with_name(f"{motions[0]}.json")
+            write_whole(asked, constraints_bytes(settings.constraints))
+            values = {**options, "input": source, "constraints": asked, "samples": samples}
+            report = self._run(FILL, values, output, told)
+            for fill in fills_of(report, output, motions):
+                made = fill.file.replace(source.with_name(f"{fill.motion}.bvh"))
+                words = [settings.weights, *([f"seed {settings.seed}"] if settings.seed else [])]
+                words += [f"sample {fill.sample}"] if fill.sample > 1 else []
                 record = MotionRecord(
-                    name=name, stage=FILL, options=options, constraints=settings.constraints, source=state.motion,
-                    **self._length(output), told=lines,
+                    name=f"fill {fill.motion[1:]}: {', '.join(words)}", stage=FILL,
+                    options={**options, **fill.options}, constraints=settings.constraints, source=state.motion,
+                    **self._length(made), told=fill.told,
                 )  # fmt: skip
-                self._keep(session, motion, record, _with_result)
-                made.append(motion)
-            return {"motions": made}
+                self._keep(session, fill.motion, record, _with_result)
+            return {"motions": motions}
 
         return self.jobs.add(session, work)
 
@@ -180,10 +184,11 @@ class Bench:
 
         def work(told: Told) -> dict[str, Any]:
             motion = self.sessions.take_motion_name(session)
-            output, lines = self._run(verb.stage, values, source.with_name(f"{motion}.bvh"), told)
+            output = source.with_name(f"{motion}.bvh")
+            report = self._run(verb.stage, values, output, told)
             record = MotionRecord(
                 name=f"{before.name}, {name}", stage=verb.stage, options=options, source=state.motion,
-                other=other, **self._length(output), told=lines,
+                other=other, **self._length(output), told=tuple(report.lines),
             )  # fmt: skip
             settings = settings_after(name, options, state.settings, before.frames)
             if settings.constraints.keyframes is None and not settings.constraints.parts:
@@ -224,15 +229,14 @@ class Bench:
             self.sessions.remove_files(session, motion)
             raise
 
-    def _run(self, stage: str, values: dict[str, Any], output: Path, told: Told) -> tuple[Path, tuple[str, ...]]:
+    def _run(self, stage: str, values: dict[str, Any], output: Path, told: Told) -> StageReport:
         try:
             told(f"pumps {stage}", 0, 0)
-            report = self._worker.run(stage, {**values, "output": output}, told)
+            return self._worker.run(stage, {**values, "output": output}, told)
         except (CancelledError, PumpsError):
-            output.with_suffix(".json").unlink(missing_ok=True)
-            output.unlink(missing_ok=True)
+            for path in output.parent.glob(f"{output.name.partition('.')[0]}.*"):
+                path.unlink(missing_ok=True)
             raise
-        return output, tuple(report.lines)
 
     def _opened(
         self, data: bytes, path: Path | str | None, name: str, opened: str, session: str | None,
@@ -279,10 +283,3 @@ def _with_result(held: Session, motion: str) -> Session:
     """A session that shows one of its motions as one more result."""
     results = (*held.state.results, motion)
     return held.with_state(held.state.model_copy(update={"label": "Filled", "results": results}))
-
-
-def _counted(told: Told, number: int, count: int) -> Told:
-    """Progress of one of several samples as progress of all."""
-    return lambda label, done, total: told(
-        f"sample {number + 1} of {count}", number + (done / total if total else 0), count
-    )

@@ -17,7 +17,7 @@ from stages.shared.inference.constraints.frame_ranges import parse_frames
 from stages.studio.session import FillSettings, MotionRecord, Session
 
 FILL = "infill"
-_FILLING = ("weights", "seed", "foot_lock", "device")  # settings that the studio chooses for fills
+_FILLING = ("weights", "seed", "foot_lock", "sample", "device")  # settings that the studio chooses for fills
 
 
 @dataclass(frozen=True)

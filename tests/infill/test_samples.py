@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import pumps
 from data_schemas.errors import InputError, UsageError
@@ -40,6 +41,11 @@ def test_every_sample_keeps_the_keys_and_the_first_is_the_usual_fill(tmp_path: P
         ]
     between = [frame for frame in range(40) if frame not in KEYS]
     assert all(rows[a][frame] != rows[b][frame] for a, b in ((0, 1), (0, 2), (1, 2)) for frame in between)
+    for number, whole in enumerate(tries, 1):
+        alone = tmp_path / "alone" / f"{number}.bvh"
+        report_alone = run(Config(**settings, output=alone, sample=number))
+        assert alone.read_bytes() == whole.read_bytes() and report_alone.output == alone
+    assert len(list((tmp_path / "alone").iterdir())) == 3
     assert report.output == tries[0] and report.figures["samples_apart_mm"] > 5
     again = pumps.infill_samples(pumps.load(CLIP), 2, list(KEYS), device="cpu")
     assert [each.source for each in again] == [path.read_bytes() for path in tries[:2]]
@@ -71,6 +77,14 @@ def test_weights_that_do_not_hold_variation_and_outputs_that_exist_are_refused(t
     with pytest.raises(UsageError, match="tries-2"):
         run(Config(**settings, output=tmp_path / "tries.bvh"))
     assert (tmp_path / "tries-2.bvh").read_text() == "mine"
+
+
+def test_one_fill_and_several_are_not_asked_for_at_once(tmp_path: Path):
+    settings = {"input": CLIP, "output": tmp_path / "a.bvh", "keyframes": "0,40"}
+    for wrong in ({"sample": 2, "samples": 3}, {"sample": 0}):
+        with pytest.raises(ValidationError, match="sample"):
+            Config.model_validate({**settings, **wrong})
+    assert Config(**settings, sample=4).outputs_of(tmp_path / "a.bvh") == (tmp_path / "a.bvh",)
 
 
 def test_a_folder_gets_several_of_each_file_and_goes_on(tmp_path: Path):

@@ -100,7 +100,7 @@ def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(
     assert made["files"] == ["saved.bvh", "saved.json", "saved.sh"]
     assert made["commands"] == [
         "pumps edit trim kick.bvh --frames=3:40 -o saved.step2.bvh",
-        "pumps infill saved.step2.bvh --constraints saved.json --seed=1 --device=cpu -o saved.bvh",
+        "pumps infill saved.step2.bvh --constraints saved.json --device=cpu --sample=2 -o saved.bvh",
     ]
     saved = (folder / "saved.bvh").read_bytes()
     (folder / "saved.bvh").unlink()
@@ -108,6 +108,7 @@ def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(
         words = [*fast_python, "-m", "pumps_cli", *shlex.split(line)[1:], "--quiet"]
         subprocess.run(words, cwd=folder, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert (folder / "saved.bvh").read_bytes() == saved
+    assert session["motions"][session["state"]["results"][1]]["told"][-1].startswith("Filled 2 times: sample 2 is")
     gone = page.post(session, "discard", motion=session["state"]["results"][0])
     assert gone["state"]["results"] == job["made"]["motions"][1:]
     on = page.post(gone, "choose", motion=job["made"]["motions"][1])

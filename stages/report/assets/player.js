@@ -58,7 +58,7 @@ class Player {
     this.line = byId("timeline");
     this.playing = false;
     this.time = 0;
-    this.options = { ghosts: true, truth: false, follow: true, loop: true, overlay: false, speed: 1 };
+    this.options = { ghosts: true, truth: false, follow: true, loop: true, overlay: scenes.every((scene) => scene.overlay), speed: 1 };
     const select = this.buildControls();
     this.listenToPointer();
     this.listenToKeys();

@@ -1,0 +1,54 @@
+"""What one run of `pumps infill` made: a motion of the session for each of its fills."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stages.shared.contract import StageReport
+
+
+@dataclass(frozen=True)
+class Fill:
+    """One fill.
+
+    motion: the id that it gets. file: what infill wrote. sample: its number, from 1, the usual one.
+    told:   what the page shows of it, a line each.
+    """
+
+    motion: str
+    file: Path
+    sample: int
+    told: tuple[str, ...]
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What `pumps infill` needs to make it alone."""
+        return {"sample": self.sample} if self.sample > 1 else {}
+
+
+def fills_of(report: StageReport, output: Path, motions: Sequence[str]) -> list[Fill]:
+    """The fills of a run, in the order of their numbers.
+
+    Args:
+        output: as the run was given it. motions: ids for the fills, as many as were asked for.
+    """
+    rows: list[dict[str, Any]] = report.figures.get("samples", [])
+    if not rows:
+        return [Fill(motions[0], output, 1, tuple(report.lines))]
+    notes = [f"Note: {note}" for note in report.figures["warnings"]]
+    return [
+        Fill(motion, Path(row["file"]), number, (*notes, _line(row, number, len(rows))))
+        for number, (motion, row) in enumerate(zip(motions, rows, strict=True), 1)
+    ]
+
+
+def _line(row: dict[str, Any], number: int, count: int) -> str:
+    skate = row["foot_skate_mps"]
+    feet = "" if skate is None else f", and standing feet move at {skate:.3f} m/s"
+    return (
+        f"Filled {count} times: sample {number} is {row['from_others_mm']:.0f} mm from the others "
+        f"(mean over frames and joints){feet}."
+    )
