@@ -151,7 +151,6 @@ class _BvhRows:
     ) -> tuple[bytes, list[str]]:
         assert self._skeleton is not None  # made with the keys' motion
         key_values = self.bvh.values[rows]
-        values = np.zeros((frames, key_values.shape[1]))
         region = slice(first, first + filled.frames)
         copied = None
         if parts is None:
@@ -163,7 +162,10 @@ class _BvhRows:
                 self.bvh, self._skeleton, filled, given[region], self._given_values[first : region.stop]
             )
             copied = {row: given[row] for row in range(self.frames) if row not in kept and given[row].any()}
-        values[region] = made
+        values = made
+        if len(made) < frames:
+            values = np.zeros((frames, key_values.shape[1]))
+            values[region] = made
         # The file's own text of the frame time stays, unless the user says that it is wrong.
         stated = self._override is None or self._override == rate_of(self.bvh.frame_time)
         frame_time = None if stated else 1.0 / self.fps

@@ -11,6 +11,7 @@ from data_schemas.errors import PumpsError
 from stages.shared.formats.bvh import BvhFile
 
 DECIMALS = 6
+_ROWS_AT_ONCE = 512  # whose numbers are Python's at once, which take much memory
 _FRAME_TIME_LINE = re.compile(r"(Frame[ \t]*Time[ \t:]*)[^ \t:]\S*", re.IGNORECASE)
 _FRAMES_LINE = re.compile(r"(Frames[ \t:]*)\d+", re.IGNORECASE)
 
@@ -44,17 +45,18 @@ def write_bvh(
     if values.shape != (count, columns):
         raise PumpsError(f"{bvh.name}: the rows to write have the shape {values.shape}, expected {(count, columns)}.")
     made = [frame for frame in range(count) if frame not in copied]
-    if not np.isfinite(values[made]).all():
+    if not np.asarray(np.isfinite(values).all(axis=1))[made].all():
         raise PumpsError(f"{bvh.name}: a value to write is not finite.")
     head = bvh.motion_head
     if count != bvh.frames:
         head = with_frame_count(head, count)
     if frame_time is not None:
         head = _FRAME_TIME_LINE.sub(lambda match: f"{match[1]}{frame_time:.9g}", head, count=1)
-    text = format_rows(values[made], decimals)
     rows: list[bytes] = [b""] * count
-    for frame, row in zip(made, text, strict=True):
-        rows[frame] = row
+    for first in range(0, len(made), _ROWS_AT_ONCE):
+        some = made[first : first + _ROWS_AT_ONCE]
+        for frame, row in zip(some, format_rows(values[some], decimals), strict=True):
+            rows[frame] = row
     for frame, columns in (verbatim_columns or {}).items():
         made_row, kept_row = rows[frame].split(), bvh.rows[frame].split()
         chosen = zip(made_row, kept_row, columns, strict=True)
@@ -62,8 +64,10 @@ def write_bvh(
     for frame, row in copied.items():
         if frame < count:
             rows[frame] = bvh.rows[row]
-    newline = bvh.newline.encode()
-    return bvh.header.encode(bvh.encoding) + head.encode(bvh.encoding) + newline.join(rows) + newline
+    rows = rows or [b""]
+    rows[0] = bvh.header.encode(bvh.encoding) + head.encode(bvh.encoding) + rows[0]
+    rows.append(b"")  # for a newline after the last row
+    return bvh.newline.encode().join(rows)
 
 
 def with_frame_count(motion_head: str, count: int) -> str:

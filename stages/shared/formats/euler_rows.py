@@ -9,7 +9,9 @@ degrees, as the curves in the wild do. Such a jump is reported.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from stages.shared.formats.euler_path import JUMP_DEGREES, path_between, through
 
 SAME_DEGREES = 1.0  # forms of an angle differ by far more, rounding by far less
 _SHOWN = 4
+_FRAMES_AT_ONCE = 2048  # about so many are computed together: bounds the memory of a long clip
 
 
 @dataclass(frozen=True)
@@ -49,16 +52,20 @@ def rows_between_keys(
         for joint, at in zip(joints, places, strict=True)
         if axes
     ]
-    # Position channels of joints that stand still are taken from these: between keys, the keys' own values.
-    guide = np.full((motion.frames, columns), np.nan)
-    frames = np.arange(motion.frames)
-    for column in layout.position_columns:
-        guide[:, column] = np.interp(frames, keys, key_values[:, column])
+
+    def guide(frames: np.ndarray) -> np.ndarray:
+        """Position channels of joints that stand still are taken from these: between keys, the keys' own values."""
+        rows = np.full((len(frames), columns), np.nan)
+        for column in layout.position_columns:
+            rows[:, column] = np.interp(frames, keys, key_values[:, column])
+        return rows
+
     out = np.empty((motion.frames, columns))
     out[keys] = key_values
     stops = [*keys[1:], motion.frames] if keys[-1] < motion.frames - 1 else [*keys[1:]]
     gaps = [(k, int(a), int(b)) for k, (a, b) in enumerate(zip(keys[: len(stops)], stops, strict=True)) if b - a > 1]
-    forward = _followed(bvh, skeleton, motion, guide, [(a, b, key_values[k]) for k, a, b in gaps], 1)
+    starts = [(a, b, key_values[k]) for k, a, b in gaps]
+    forward = _followed(bvh, skeleton, motion, guide, starts, 1)
     clashes: list[tuple[int, int, int, list[tuple[str, np.ndarray]]]] = []
     for (k, a, b), made in zip(gaps, forward, strict=True):
         out[a + 1 : b] = made[1 : b - a]
@@ -112,21 +119,21 @@ def _followed(
     bvh: BvhFile,
     skeleton: Skeleton,
     motion: Motion,
-    guide: np.ndarray,
+    guide: Callable[[np.ndarray], np.ndarray],
     gaps: list[tuple[int, int, np.ndarray]],
     step: int,
-) -> list[np.ndarray]:
+) -> Iterator[np.ndarray]:
     """Rows of each gap from its start frame, whose row is given, to its end frame (both included), step by step."""
-    if not gaps:
-        return []
     runs = [np.arange(a, b + step, step) for a, b, _ in gaps]
     runs = [run[run < motion.frames] for run in runs]
-    index = np.concatenate(runs)
-    near = guide[index].copy()
-    starts = np.cumsum([0, *(len(run) for run in runs)])
-    near[starts[:-1]] = [row for _, _, row in gaps]
-    values = values_of(bvh, skeleton, motion.at(index), near)
-    return np.split(values, starts[1:-1])
+    ends = np.cumsum([len(run) for run in runs])
+    for _, some in groupby(range(len(gaps)), lambda gap: ends[gap] // _FRAMES_AT_ONCE):
+        own = list(some)
+        index = np.concatenate([runs[gap] for gap in own])
+        near = guide(index)
+        starts = np.cumsum([0, *(len(runs[gap]) for gap in own)])
+        near[starts[:-1]] = [gaps[gap][2] for gap in own]
+        yield from np.split(values_of(bvh, skeleton, motion.at(index), near), starts[1:-1])
 
 
 def _joined(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ other file the result is None, and the caller reads it with its own parser, whic
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, count
 from typing import Any, overload
 
 import numpy as np
@@ -18,7 +19,8 @@ _IS_WHITE = np.isin(np.arange(256), list(_WHITE))
 
 
 class TextRows(Sequence[bytes]):
-    """The lines of a text that are not blank, without their newline. The text is split when a row is asked for.
+    """The lines of a text that are not blank, without their newline. Where they begin and end is found when a row is
+    asked for; the text is not copied.
 
     Args:
         data: the text begins at `start` and goes to the end. newline: "\\n", "\\r\\n" or "\\r". count: how many rows.
@@ -26,7 +28,7 @@ class TextRows(Sequence[bytes]):
 
     def __init__(self, data: bytes, start: int, newline: bytes, count: int):
         self._text, self._newline, self._count = (data, start), newline, count
-        self._rows: list[bytes] = []
+        self._places: np.ndarray | None = None  # (T, 2), first and last (excluded) byte of each line
 
     def __len__(self) -> int:
         return self._count
@@ -36,9 +38,13 @@ class TextRows(Sequence[bytes]):
     @overload
     def __getitem__(self, index: slice) -> list[bytes]: ...
     def __getitem__(self, index: int | slice) -> bytes | list[bytes]:
-        if not self._rows:
-            self._rows = [line for _, line in lines_of(*self._text, self._newline)]
-        return self._rows[index]
+        if self._places is None:
+            found = (place for _, *place in _places_of(*self._text, self._newline))
+            self._places = np.fromiter(chain.from_iterable(found), np.int64).reshape(-1, 2)
+        data, places = self._text[0], self._places[index]
+        if places.ndim == 1:
+            return data[places[0] : places[1]]
+        return [data[first:last] for first, last in places.tolist()]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
@@ -46,10 +52,21 @@ class TextRows(Sequence[bytes]):
 
 def lines_of(data: bytes, start: int, newline: bytes) -> Iterator[tuple[int, bytes]]:
     """Number, from 0, and text without its newline of each line that is not blank."""
-    lines = data[start:].split(b"\r" if newline == b"\r" else b"\n")
-    for number, line in enumerate(lines):
-        if line and not line.isspace():
-            yield number, line[:-1] if newline == b"\r\n" and line.endswith(b"\r") else line
+    return ((number, data[first:last]) for number, first, last in _places_of(data, start, newline))
+
+
+def _places_of(data: bytes, start: int, newline: bytes) -> Iterator[tuple[int, int, int]]:
+    """As `lines_of`, with the first and last (excluded) byte of each line in place of its text."""
+    end = b"\r" if newline == b"\r" else b"\n"
+    for number in count():
+        stop = data.find(end, start)
+        last = len(data) if stop < 0 else stop
+        if start < last and not data[start:last].isspace():
+            cut = newline == b"\r\n" and data.endswith(b"\r", start, last)
+            yield number, start, last - cut
+        if stop < 0:
+            return
+        start = stop + 1
 
 
 def plain_rows(data: bytes, start: int, newline: bytes, columns: int) -> np.ndarray | None:

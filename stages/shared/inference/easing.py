@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stages.shared.kinematics.frame_blocks import in_blocks
 from stages.shared.kinematics.rotations import from_turn_vectors, multiply, turns_between
 from stages.shared.solve.skeleton_pose import SkeletonPose
 
@@ -29,7 +30,7 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
     """
     if span_s <= 0:
         return pose
-    curves = [turns_between(pose.local[:-1], pose.local[1:]), pose.roots.diff(dim=0)]
+    curves = [in_blocks(turns_between, pose.local[:-1], pose.local[1:]), pose.roots.diff(dim=0)]
     if pose.moves:
         curves.append(pose.offsets.diff(dim=0))
     added = [torch.zeros(len(known), *steps.shape[1:], dtype=steps.dtype, device=steps.device) for steps in curves]
@@ -44,7 +45,7 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
             lone = not known[key - side]
             bump = side * span * share * (1 - share) ** 2 * (0.5 if lone else 1.0)
             offset[frames] += bump.view(-1, *[1] * (steps.dim() - 1)) * lacking
-    local = multiply(pose.local, from_turn_vectors(added[0]))
+    local = in_blocks(lambda own, turns: multiply(own, from_turn_vectors(turns)), pose.local, added[0])
     offsets = pose.offsets + added[2] if pose.moves else pose.offsets
     gaps = np.flatnonzero(~known)
     return pose.with_rows(gaps, pose.with_local(local, pose.roots + added[1], offsets).rows(gaps))

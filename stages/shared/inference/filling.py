@@ -35,6 +35,7 @@ from stages.shared.inference.pinned_ends import pin_ends
 from stages.shared.inference.token_times import choose_tokens
 from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.kinematics.foot_contacts import has_feet
+from stages.shared.kinematics.frame_blocks import blocks_of
 from stages.shared.kinematics.plain_interpolation import damped_smoothness, interpolate_values
 from stages.shared.kinematics.rotations import matrices
 from stages.shared.kinematics.runs import widened_to_keys
@@ -42,6 +43,8 @@ from stages.shared.solve.key_prior import turn_prior
 from stages.shared.solve.skeleton_pose import SkeletonPose
 from stages.shared.solve.smoothing import bends_of_positions, bends_of_rotations, smooth_corrections
 from stages.shared.solve.solving import Corrections, SolveOptions, solve_pose
+
+_CURVES_AT_ONCE = 12  # numbers of a pose that are computed over all frames together: bounds the memory of a long clip
 
 
 @dataclass(frozen=True)
@@ -266,20 +269,17 @@ def solve_clouds(start: Start, clouds: Clouds, options: SolveOptions) -> Correct
     prior = turn_prior(start.keys.local, options.turn_prior_rad)
     if start.parts is not None:
         prior[start.parts.stiff] = STIFF * torch.eye(3, device=prior.device)
-    solved: dict[int, Corrections] = {}
+    made: Tensor | None = None
+    seen = prior.new_zeros(0)
     for block in _blocks_to_solve(is_key):
         targets = _targets_of(scene, clouds, block[0].start, block[-1].stop)
         for rows in block:
-            parts = scene.base.rows(rows).parts
-            skeleton = scene.skeleton
-            solved[rows.start] = solve_pose(
-                targets(rows), binding, *parts, skeleton.parents, skeleton.root, options, prior
-            )
-    seen = next(iter(solved.values())).seen
-    made = scene.base.local.new_zeros(len(is_key), 3 * len(seen) + 4)
-    for first, part in solved.items():
-        found = torch.cat([part.turns.flatten(1), part.shifts, part.residual.unsqueeze(-1)], -1)
-        made[first : first + len(found)] = found
+            parts, skeleton = scene.base.rows(rows).parts, scene.skeleton
+            found = solve_pose(targets(rows), binding, *parts, skeleton.parents, skeleton.root, options, prior)
+            if made is None:
+                seen, made = found.seen, scene.base.held.new_zeros(len(is_key), 3 * len(found.seen) + 4)
+            made[rows] = torch.cat([found.turns.flatten(1), found.shifts, found.residual.unsqueeze(-1)], -1)
+    assert made is not None  # `_blocks_to_solve` gives one run at least
     return Corrections(made[:, :-4].unflatten(-1, (-1, 3)), made[:, -4:-1], seen, made[:, -1])
 
 
@@ -329,7 +329,9 @@ def apply_corrections(
     scene, gaps = start.scene, np.flatnonzero(~known)
     applied = _smoothed(scene, _believed(scene, corrections, options, confidence), corrections.seen, options)
     values = torch.cat([applied.turns.flatten(1), applied.shifts], -1)
-    at_frames = interpolate_values(values, scene.times, start.gap_times, smooth=1.0)  # without kinks
+    at_frames = values.new_empty(len(start.gap_times), values.shape[1])
+    for some in blocks_of(values.shape[1], _CURVES_AT_ONCE):
+        at_frames[:, some] = interpolate_values(values[:, some], scene.times, start.gap_times, smooth=1.0)  # no kinks
     turns, shifts = at_frames[:, :-3].unflatten(-1, (-1, 3)), at_frames[:, -3:]
     if start.parts is not None:
         turns, shifts = start.parts.without(turns, shifts, scene.tokens.fps)
@@ -377,15 +379,21 @@ def _smoothed(scene: Scene, believed: _Applied, seen: Tensor, options: FillOptio
     """Corrections as they are applied: zero at keys, and such that base and corrections together are smooth in time;
     also where they fell back, since the base alone bends at the keys. `seen` (J,): joints that some point sees."""
     base, tokens = scene.base, scene.tokens
-    values = torch.cat([believed.turns[:, seen].flatten(1), believed.shifts], -1).double().cpu().numpy()
-    values = np.where(tokens.is_key[:, None], 0.0, values)
-    if options.smooth_span > 0:
-        turning = bends_of_rotations(base.local[:, seen], tokens.times).reshape(len(values), -1)
-        pelvis = base.heads[:, scene.skeleton.root]
-        moving = bends_of_positions(pelvis.double().cpu().numpy(), tokens.times)
-        bends = np.concatenate([turning, moving], -1)
-        values = smooth_corrections(values, bends, tokens.times, tokens.is_key, options.smooth_span)
-    smooth = torch.as_tensor(values * options.trust, dtype=torch.float32, device=scene.device)
-    out = torch.zeros_like(believed.turns)
-    out[:, seen] = smooth[:, :-3].unflatten(-1, (-1, 3))
-    return _Applied(out, smooth[:, -3:], believed.fallen)
+
+    def smoothed(corrections: Tensor, bends: Callable[[], np.ndarray]) -> Tensor:
+        """(N, F) of corrections whose base bends so, (N, F)."""
+        values = np.where(tokens.is_key[:, None], 0.0, corrections.double().cpu().numpy())
+        if options.smooth_span > 0:
+            values = smooth_corrections(values, bends(), tokens.times, tokens.is_key, options.smooth_span)
+        return torch.as_tensor(values * options.trust, dtype=torch.float32, device=scene.device)
+
+    turns = torch.zeros_like(believed.turns)
+    for joints in torch.nonzero(seen).squeeze(1).split(_CURVES_AT_ONCE // 3):
+        own = smoothed(
+            believed.turns[:, joints].flatten(1),
+            lambda joints=joints: bends_of_rotations(base.local[:, joints], tokens.times).reshape(len(turns), -1),
+        )
+        turns[:, joints] = own.unflatten(-1, (-1, 3))
+    pelvis = base.heads[:, scene.skeleton.root]
+    shifts = smoothed(believed.shifts, lambda: bends_of_positions(pelvis.double().cpu().numpy(), tokens.times))
+    return _Applied(turns, shifts, believed.fallen)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from stages.shared.kinematics.frame_blocks import blocks_of
 from stages.shared.kinematics.rotations import angles_between
 from stages.shared.kinematics.runs import runs_of
 from stages.shared.solve.skeleton_pose import SkeletonPose
@@ -40,8 +41,14 @@ class Steps(NamedTuple):
     @classmethod
     def of_pose(cls, pose: SkeletonPose) -> Steps:
         """Of the measured joints of a pose."""
-        joints = measured_joints(pose.skeleton)
-        return cls.of(pose.rotations[:, joints].numpy(force=True), pose.heads[:, joints].numpy(force=True))
+        joints, rotations, heads = measured_joints(pose.skeleton), pose.rotations, pose.heads
+        turns, bends = [], []
+        for rows in blocks_of(len(pose)):
+            with_next = slice(rows.start, rows.stop + 2)  # the last bend of a block takes two frames of the next
+            own = cls.of(rotations[with_next, joints].numpy(force=True), heads[with_next, joints].numpy(force=True))
+            turns.append(own.turns[: rows.stop - rows.start])
+            bends.append(own.bends)
+        return cls(np.concatenate(turns), np.concatenate(bends))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ A motion from a file becomes a pose once (`SkeletonPose.of_motion`) and a motion
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import torch
@@ -14,6 +14,7 @@ from torch import Tensor
 
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
+from stages.shared.kinematics.frame_blocks import blocks_of, in_blocks
 from stages.shared.kinematics.plain_interpolation import (
     Glide,
     Smoothness,
@@ -21,6 +22,8 @@ from stages.shared.kinematics.plain_interpolation import (
     pelvis_and_above,
 )
 from stages.shared.kinematics.rotations import conjugate, from_turn_vectors, multiply, rotate, signs_after_given
+
+_JOINTS_AT_ONCE = 4  # whose signs are computed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +69,24 @@ class SkeletonPose:
     @cached_property
     def rotations(self) -> Tensor:
         """(T, J, 4) global rotations, xyzw."""
-        return self.held if self.is_global else global_rotations(self.held, self.skeleton.parents)
+        if self.is_global:
+            return self.held
+        return in_blocks(lambda held: global_rotations(held, self.skeleton.parents), self.held)
 
     @cached_property
     def local(self) -> Tensor:
         """(T, J, 4) rotations in the parents' frames, xyzw."""
-        return local_rotations(self.held, self.skeleton.parents) if self.is_global else self.held
+        if not self.is_global:
+            return self.held
+        return in_blocks(lambda held: local_rotations(held, self.skeleton.parents), self.held)
 
     @cached_property
     def heads(self) -> Tensor:
         """(T, J, 3) joints' heads in the world, metres."""
-        return joint_positions(self.rotations, self.roots, self.offsets, self.skeleton.parents)
+        parents = self.skeleton.parents
+        if self.moves:
+            return in_blocks(partial(joint_positions, parents=parents), self.rotations, self.roots, self.offsets)
+        return in_blocks(partial(joint_positions, offsets=self.offsets, parents=parents), self.rotations, self.roots)
 
     def world(self) -> tuple[Tensor, Tensor]:
         """Heads (T, J, 3) and global rotations (T, J, 4)."""
@@ -135,7 +145,7 @@ class SkeletonPose:
                 above which nothing moves.
         """
         skeleton, root = self.skeleton, self.skeleton.root
-        local = multiply(self.local, from_turn_vectors(turns))
+        local = in_blocks(lambda own, added: multiply(own, from_turn_vectors(added)), self.local, turns)
         if root == 0 or root not in self.track_joints.tolist():
             return self.with_local(local, self.roots + shifts, self.offsets)
         lead = root + 1  # the pelvis' ancestors are among these
@@ -159,7 +169,9 @@ class SkeletonPose:
             offsets[at[:, None], self._tracked] = others.offsets[:, self._tracked]
         given = np.ones(len(self), bool)
         given[rows] = False
-        rotations = torch.from_numpy(signs_after_given(rotations.cpu().numpy(), given)).to(rotations)
+        for joints in blocks_of(rotations.shape[1], _JOINTS_AT_ONCE):  # signs of a joint follow from it alone
+            signed = signs_after_given(rotations[:, joints].cpu().numpy(), given)
+            rotations[:, joints] = torch.from_numpy(signed).to(rotations)
         return replace(self, held=rotations, is_global=True, roots=roots, offsets=offsets)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from torch import Tensor
 
+from stages.shared.kinematics.frame_blocks import in_blocks
 from stages.shared.kinematics.rotations import turns_between
 from stages.shared.solve.bending import SecondDerivative, solve_bands
 
@@ -52,7 +53,7 @@ def smooth_corrections(
 
 def bends_of_rotations(rotations: Tensor, times: np.ndarray) -> np.ndarray:
     """Angular acceleration (N, J, 3) of rotations (N, J, 4) in their own axes; zeros at both ends."""
-    turns = turns_between(rotations[:-1], rotations[1:])
+    turns = in_blocks(turns_between, rotations[:-1], rotations[1:])
     return _rates_to_bends(turns.double().numpy(force=True), times)
 
 
