@@ -10,7 +10,6 @@ from typing import Any
 
 from data_schemas.errors import PumpsError, UsageError
 from data_schemas.whole_file import write_whole
-from stages.registry import stage_named
 from stages.shared.contract import StageReport
 from stages.shared.file_names import is_file_name
 from stages.shared.formats.archives import archive_suffix
