@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -28,8 +28,7 @@ from stages.shared.solve.solving import Corrections
 from stages.shared.statistics.baselines import Poses, slerp
 from stages.shared.statistics.measurements import measured_joints
 from stages.shared.statistics.metrics import l2p_m
-from stages.shared.statistics.windows import Task, chosen_windows, clip_windows, tasks_of
-from stages.shared.statistics.windows import Window as Frames
+from stages.shared.statistics.windows import Task, Window, chosen_windows, clip_windows, tasks_of
 from stages.weights.adapt.clips import Clip
 from stages.weights.adapt.holding_out import SPAN, Part, spans_of
 
@@ -40,7 +39,7 @@ _PRIOR_WINDOWS = 4.0  # as of `pumps weights calibrate`
 
 
 @dataclass(frozen=True)
-class Window:
+class HeldWindow:
     """Frames of a held-out part that one task is measured on.
 
     span: number of the span that it lies in. task: index into `TASKS`. half: 0 or 1; the trust of windows of one half
@@ -59,12 +58,12 @@ class Window:
         return _l2p(Poses.of(self.skeleton, [motion]).positions.numpy(), self)
 
 
-def windows_of(clips: Sequence[Clip], parts: Sequence[Part], limit: int) -> list[Window]:
+def windows_of(clips: Sequence[Clip], parts: Sequence[Part], limit: int) -> list[HeldWindow]:
     """The windows of the held-out parts: all tasks in each of at most `limit` spans."""
     held = [part for part in parts if part.held_out]
     spans = spans_of([part.frames for part in held])
     by_part = [
-        [Frames(str(number), start, frames) for number, start, frames in spans if number == each]
+        [Window(str(number), start, frames) for number, start, frames in spans if number == each]
         for each in range(len(held))
     ]
     chosen = chosen_windows(by_part, limit)
@@ -78,29 +77,29 @@ def windows_of(clips: Sequence[Clip], parts: Sequence[Part], limit: int) -> list
         for index, task in enumerate(TASKS):
             for within in _within(task, frames.frames):
                 motion = whole.at(within.span)
-                found.append(Window(number, index, int(half), clip.skeleton, motion, task.known(motion.frames)))
+                found.append(HeldWindow(number, index, int(half), clip.skeleton, motion, task.known(motion.frames)))
     return _in_both_halves(found)
 
 
-def _within(task: Task, frames: int) -> list[Frames]:
+def _within(task: Task, frames: int) -> list[Window]:
     """The task's one window in the middle of a span; none where it does not fit."""
     windows = clip_windows("", frames, task)
     return windows[len(windows) // 2 :][:1]
 
 
-def _in_both_halves(windows: list[Window]) -> list[Window]:
+def _in_both_halves(windows: list[HeldWindow]) -> list[HeldWindow]:
     """The windows, by the number of their spans where one half would be empty."""
     if len({window.half for window in windows}) == 2:
         return windows
-    return [Window(each.span, each.task, each.span % 2, each.skeleton, each.motion, each.known) for each in windows]
+    return [replace(each, half=each.span % 2) for each in windows]
 
 
-def slerp_errors(windows: Sequence[Window]) -> np.ndarray:
+def slerp_errors(windows: Sequence[HeldWindow]) -> np.ndarray:
     """L2P of slerp in each window, metres."""
     return np.array([_l2p(slerp(Poses.of(each.skeleton, [each.motion]), each.known)[0], each) for each in windows])
 
 
-def _l2p(positions: np.ndarray, window: Window) -> float:
+def _l2p(positions: np.ndarray, window: HeldWindow) -> float:
     joints = measured_joints(window.skeleton)
     truth = Poses.of(window.skeleton, [window.motion]).positions.numpy()
     return float(l2p_m(positions[:, :, joints], truth[:, :, joints])[0])
@@ -116,9 +115,9 @@ class Measured:
     trust: np.ndarray
 
 
-def measure(models: Models, windows: Sequence[Window], seed: int, advance: Callable[[], None]) -> Measured:
+def measure(models: Models, windows: Sequence[HeldWindow], seed: int, advance: Callable[[], None]) -> Measured:
     """Fill all windows with some weights; `advance` is called after each one."""
-    solved: list[tuple[Window, Start, Corrections]] = []
+    solved: list[tuple[HeldWindow, Start, Corrections]] = []
     halves = (Sums(), Sums())
     for window in windows:
         start, made = _solved(models, window, seed)
@@ -134,7 +133,7 @@ def measure(models: Models, windows: Sequence[Window], seed: int, advance: Calla
     )
 
 
-def _solved(models: Models, window: Window, seed: int) -> tuple[Start, Corrections]:
+def _solved(models: Models, window: HeldWindow, seed: int) -> tuple[Start, Corrections]:
     """The corrections that filling finds, before they are multiplied by a confidence."""
     source = SynthesisedClouds(models)
     device = models.autoencoder.device
@@ -144,7 +143,7 @@ def _solved(models: Models, window: Window, seed: int) -> tuple[Start, Correctio
         return start, solve_clouds(start, clouds, _OPTIONS.solve)
 
 
-def _error(window: Window, start: Start, made: Corrections, confidence: Confidence | None) -> float:
+def _error(window: HeldWindow, start: Start, made: Corrections, confidence: Confidence | None) -> float:
     """L2P of a window filled with corrections as far as a confidence believes them."""
     with torch.no_grad():
         solved = apply_corrections(start, made, window.known, _OPTIONS, confidence)

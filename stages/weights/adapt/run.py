@@ -20,6 +20,7 @@ from data_schemas.own_folders import make_own_folder, remove_own_folder
 from data_schemas.trainings import Training, training_data
 from stages.shared.contract import StageReport
 from stages.shared.inference.models import Models, load_synthesiser, load_weights
+from stages.shared.kinematics.conventions import MODEL_FPS
 from stages.shared.outputs import check_folder
 from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import Trained
@@ -37,12 +38,12 @@ from stages.weights.adapt.choosing import Choice, Errors, choose
 from stages.weights.adapt.clips import Read, read_clips
 from stages.weights.adapt.config import Config
 from stages.weights.adapt.holding_out import hold_out
-from stages.weights.adapt.measuring import TASKS, Window, measure, slerp_errors, windows_of
+from stages.weights.adapt.measuring import TASKS, HeldWindow, measure, slerp_errors, windows_of
 from stages.weights.adapt.training import halved, mean_of, train_on, training_config, write_clouds
 from stages.weights.adapt.writing import Adapted, write_weights
 
 START, TRAINED, MEAN = "start", "trained", "mean"
-FITTED = " with its confidence fitted anew"
+FITTED = ", confidence fitted anew"
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -105,7 +106,7 @@ def _measured(
     start: Checkpoint,
     lms: Artefact,
     weights: dict[str, dict[str, np.ndarray]],
-    windows: list[Window],
+    windows: list[HeldWindow],
     progress: Progress,
 ) -> _Found:
     progress.start("filling held-out windows", len(weights) * len(windows))
@@ -208,7 +209,7 @@ def _settle(made: Path, output: Path, folder: Path) -> None:
 def _report(config: Config, read: Read, found: _Found, facts: dict[str, Any]) -> StageReport:
     choice, errors = found.choice, found.errors
     before, after = (errors.score(found.candidates[name]) for name in (START, choice.name))
-    seconds = sum(clip.motion.frames for clip in read.clips) / 30
+    seconds = sum(clip.motion.frames for clip in read.clips) / MODEL_FPS
     windows = f"{facts['held_out']['windows']} windows of held-out recordings"
     if choice.name == START:
         outcome = (

@@ -79,7 +79,7 @@ def _same_or_packed(path: Path, ae: Artefact) -> Artefact:
 def _card(name: str, licences: Sequence[str], adapted: Adapted) -> str:
     facts = adapted.facts
     held = facts["held_out"]
-    kept = f"the weights {facts['kept']}"
+    kept = f"{facts['kept']} (start: the weights `{facts['weights']}`; mean: of those and the trained ones)"
     if not adapted.changed:
         kept = f"the weights of {facts['weights']} as they were, since no others were better by more than chance"
     return "\n".join(
