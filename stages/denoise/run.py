@@ -53,9 +53,11 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     progress.advance(note="written")
     notes, figures = [*file.notes, *losses], figures_of(file.skeleton, found)
     seconds = time.perf_counter() - started
+    noted, lines = [f"Note: {note}" for note in notes], lines_of(figures, found, seconds)
     return StageReport(
         output=config.output,
-        lines=[*[f"Note: {note}" for note in notes], *lines_of(figures, found, seconds)],
+        lines=[*noted, *lines],
+        gist=[*noted, lines[0]],
         figures={**figures, "method": config.method, "seconds": seconds, "notes": notes},
     )
 

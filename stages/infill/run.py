@@ -174,12 +174,12 @@ def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str],
     warnings = [*made.notes, *request.notes, *losses, *warnings_of(skeleton, filled, filler.longest_gap)]
     frames = filled.jump_frames + region.first
     gap_s = filled.longest_gap_s
-    lines = [f"Note: {note}" for note in warnings]
-    lines.append(
+    gist = [f"Note: {note}" for note in warnings]
+    gist.append(
         f"Filled {len(missing)} of {request.frames} frames from {len(request.keys)} keys in {seconds:.2f} s; "
         f"the longest gap is {gap_s:.2f} s ({gap_s * filled.motion.fps:.0f} frames)."
     )
-    lines += lines_of_fallbacks(fallbacks)
+    lines = [*gist, *lines_of_fallbacks(fallbacks)]
     lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)
     lines.append(line_of_skate(filled, config.foot_lock))
     lines += lines_of_pins(filled)
@@ -205,4 +205,4 @@ def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str],
         "pins_off_mm": {name: off * 1000 for name, off in filled.pins_off_m.items()},
         "licences": list(filler.licences),
     }
-    return StageReport(output=config.output, lines=lines, figures=figures)
+    return StageReport(output=config.output, lines=lines, gist=gist, figures=figures)

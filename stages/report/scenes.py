@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
@@ -20,8 +19,8 @@ from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.formats.sources import source_named
 from stages.shared.humanoid.stick_figure import stick_figure
 from stages.shared.inference.keyframes import parse_keyframes
-from stages.shared.kinematics.forward import global_rotations, local_rotations, offsets_over_time, positions_of
-from stages.shared.kinematics.plain_interpolation import interpolate_pose
+from stages.shared.kinematics.forward import positions_of
+from stages.shared.kinematics.plain_motion import plain_motion
 
 SLERP = "slerp"
 
@@ -138,19 +137,8 @@ def _drawing_of(played: Played) -> Drawing:
 
 def slerped(skeleton: Skeleton, motion: Motion, keys: np.ndarray) -> Motion:
     """The motion with every frame that is not a key replaced by slerp between its keys. keys: (K,) rising."""
-    local = local_rotations(torch.as_tensor(motion.rotations), skeleton.parents)[keys]
-    roots = torch.as_tensor(motion.root_positions)[keys]
-    offsets = offsets_over_time(skeleton, motion)
-    times = torch.arange(motion.frames, dtype=torch.float64)
-    at_keys = offsets[keys] if offsets.dim() == 3 else offsets
-    local, roots, offsets = interpolate_pose(local, roots, at_keys, torch.as_tensor(keys, dtype=torch.float64), times)
-    tracks = offsets[:, motion.track_joints].numpy() if offsets.dim() == 3 else motion.tracks
-    return replace(
-        motion,
-        rotations=global_rotations(local, skeleton.parents).numpy(),
-        root_positions=roots.numpy(),
-        tracks=tracks,
-    )
+    known = np.isin(np.arange(motion.frames), keys)
+    return plain_motion(skeleton, motion, np.repeat(known[:, None], skeleton.joints, axis=1), known)
 
 
 def _shortened(motion: Motion, seconds: float) -> Motion:

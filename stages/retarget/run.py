@@ -131,9 +131,13 @@ def _report(
             f"Note: no pose of the two rigs is alike (limbs {apart:.0f} degrees apart); give a BVH of the rig with a "
             "frame that the motion comes close to."
         )
-    lines += [
+    gist = [
+        *lines,
         f"{made.frames} frames on {target.joints} joints in {seconds:.2f} s; the rig's legs are {turned.size:.2f} "
         "times as long, and so are its paths.",
+    ]
+    lines = [
+        *gist,
         f"Taken for the same pose: {' and '.join(alike)}; their limbs are {apart:.0f} degrees apart.",
         f"Feet that stand slide at {skates[0]:.3f} m/s in the source and {skates[1]:.3f} m/s in the result.",
     ]
@@ -146,7 +150,7 @@ def _report(
         "apart_degrees": apart,
         "foot_skate_mps": {"source": skates[0], "result": skates[1]},
     }
-    return StageReport(output=config.output, lines=lines, figures=figures)
+    return StageReport(output=config.output, lines=lines, gist=gist, figures=figures)
 
 
 def _pose_name(frame: int, whose: str) -> str:

@@ -134,6 +134,10 @@ class StageReport(BaseModel):
 
     output: Path | None = None
     lines: list[str] = Field(default_factory=list, description="What a person should read, one sentence or row each.")
+    gist: list[str] = Field(
+        default_factory=list,
+        description="Those of the lines that a page with room for a few shows, warnings first.",
+    )
     figures: dict[str, Any] = Field(default_factory=dict, description="Counts and numbers for machines.")
     tints: dict[int, str] = Field(
         default_factory=dict, exclude=True, description="Line -> what it is about; a terminal may colour it so."

@@ -83,6 +83,12 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
     def points(asked: dict[str, Any]) -> bytes:
         return bench.scene(asked["session"], asked["motion"]).points
 
+    def plain(asked: dict[str, Any]) -> dict[str, Any]:
+        return bench.plain_scene(asked["session"]).description
+
+    def plain_points(asked: dict[str, Any]) -> bytes:
+        return bench.plain_scene(asked["session"]).points
+
     here = "/api/sessions/{session}"
     routes = [
         Route("/", _page),
@@ -102,6 +108,8 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         _route(f"{here}/save", saved, "POST"),
         _route(f"{here}/jobs/{{job}}", job),
         _route(f"{here}/jobs/{{job}}", cancel, "DELETE"),
+        _route(f"{here}/plain", plain),
+        _route(f"{here}/plain/points", plain_points),
         _route(f"{here}/motions/{{motion}}", scene),
         _route(f"{here}/motions/{{motion}}/points", points),
     ]

@@ -21,7 +21,7 @@ from stages.studio.folder import Folder
 from stages.studio.jobs import Job, Jobs
 from stages.studio.opening import dropped, inside, member_of, write_as_bvh
 from stages.studio.saving import save
-from stages.studio.scene import Scene, scene_of
+from stages.studio.scene import Scene, plain_scene_of, scene_of
 from stages.studio.session import FillSettings, MotionRecord, Session, Sessions, State
 from stages.studio.steps import FILL, VERBS, constraints_bytes, fill_options, first_keys, settings_after, verb_options
 from stages.studio.worker import CancelledError, Told, Worker
@@ -40,6 +40,7 @@ class Bench:
         self._worker = Worker(weights, device)
         self.jobs = Jobs(self._worker)
         self._scene_of = lru_cache(maxsize=16)(scene_of)  # the file of a motion never changes
+        self._plain_scene_of = lru_cache(maxsize=2)(plain_scene_of)  # asked for twice: description and points
 
     def warm(self) -> None:
         """Load the models, so that the first fill need not."""
@@ -67,6 +68,16 @@ class Bench:
     def scene(self, session: str, motion: str) -> Scene:
         """What the page draws of a motion."""
         return self._scene_of(self.sessions.bvh(self.sessions.load(session), motion))
+
+    def plain_scene(self, session: str) -> Scene:
+        """What the page draws of the plain interpolation between the keys of the motion on the timeline.
+
+        Raises: UsageError where there are no keys; InputError for parts and frames that are not there.
+        """
+        found = self.sessions.load(session)
+        asked = found.state.settings.constraints
+        kept = Constraints(keyframes=asked.keyframes, parts=asked.parts, keep=asked.keep)
+        return self._plain_scene_of(self.sessions.bvh(found, found.state.motion), kept.model_dump_json())
 
     def open_file(self, name: str, session: str | None, revision: int | None, aside: bool, clip: str = "") -> Session:
         """Open a recording of the folder, in a session or a new one.
@@ -158,7 +169,7 @@ class Bench:
                 record = MotionRecord(
                     name=f"fill {fill.motion[1:]}: {', '.join(words)}", stage=FILL,
                     options={**options, **fill.options}, constraints=settings.constraints, source=state.motion,
-                    **self._length(made), told=fill.told,
+                    **self._length(made), told=fill.told, gist=fill.gist,
                 )  # fmt: skip
                 self._keep(session, fill.motion, record, _with_result)
             return {"motions": motions}
@@ -188,6 +199,7 @@ class Bench:
             record = MotionRecord(
                 name=f"{before.name}, {name}", stage=verb.stage, options=options, source=state.motion,
                 other=other, **self._length(output), told=tuple(report.lines),
+                gist=tuple(report.gist),
             )  # fmt: skip
             settings = settings_after(name, options, state.settings, before.frames)
             if settings.constraints.keyframes is None and not settings.constraints.parts:

@@ -15,13 +15,14 @@ class Fill:
     """One fill.
 
     motion: the id that it gets. file: what infill wrote. sample: its number, from 1, the usual one.
-    told:   what the page shows of it, a line each.
+    told, gist: what the stage said of it, a line each, and the few of these that the page shows at once.
     """
 
     motion: str
     file: Path
     sample: int
     told: tuple[str, ...]
+    gist: tuple[str, ...]
 
     @property
     def options(self) -> dict[str, Any]:
@@ -37,18 +38,18 @@ def fills_of(report: StageReport, output: Path, motions: Sequence[str]) -> list[
     """
     rows: list[dict[str, Any]] = report.figures.get("samples", [])
     if not rows:
-        return [Fill(motions[0], output, 1, tuple(report.lines))]
-    notes = [f"Note: {note}" for note in report.figures["warnings"]]
-    return [
-        Fill(motion, Path(row["file"]), number, (*notes, _line(row, number, len(rows))))
-        for number, (motion, row) in enumerate(zip(motions, rows, strict=True), 1)
-    ]
+        return [Fill(motions[0], output, 1, tuple(report.lines), tuple(report.gist))]
+    found = []
+    for number, (motion, row) in enumerate(zip(motions, rows, strict=True), 1):
+        told = (*report.gist, _line(row, number, len(rows)))
+        found.append(Fill(motion, Path(row["file"]), number, told, told))
+    return found
 
 
 def _line(row: dict[str, Any], number: int, count: int) -> str:
     skate = row["foot_skate_mps"]
     feet = "" if skate is None else f", and standing feet move at {skate:.3f} m/s"
     return (
-        f"Filled {count} times: sample {number} is {row['from_others_mm']:.0f} mm from the others "
+        f"Of {count} fills, sample {number} is {row['from_others_mm']:.0f} mm from the others "
         f"(mean over frames and joints){feet}."
     )

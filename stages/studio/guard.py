@@ -87,12 +87,18 @@ class Guard:
             return 403, "Pages of other origins are refused."
         if origin is None and scope["method"] in _CHANGING:
             return 403, "A request that changes something names its origin."
-        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin") and not _leads_here(scope, headers):
             return 403, "Pages of other origins are refused."
         given = scope["path"].split("/")[1] if scope["path"].startswith("/") else ""
         if not secrets.compare_digest(given.encode(), self._token.encode()):
             return 404, "There is nothing here."
         return None
+
+
+def _leads_here(scope: Scope, headers: dict[str, str]) -> bool:
+    """Whether a browser asks for the page itself, in a window of its own, as the file that opens it makes it do."""
+    is_page = scope["method"] == "GET" and scope["path"].count("/") == 2 and scope["path"].endswith("/")
+    return is_page and (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == ("navigate", "document")
 
 
 async def _answer(send: Send, status: int, sentence: str) -> None:

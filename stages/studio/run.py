@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import socket
-import threading
-import webbrowser
+from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -83,6 +82,7 @@ def _serve(
     from stages.studio.app import guarded_app
     from stages.studio.bench import Bench
     from stages.studio.guard import new_token
+    from stages.studio.opened_page import opened_page
 
     token = new_token()
     bench = Bench(folder, weights, config.device)
@@ -94,10 +94,9 @@ def _serve(
     server = uvicorn.Server(uvicorn.Config(guarded_app(bench, token, port, first), **settings))
     address = f"http://{ADDRESS}:{port}/{token}/"
     progress.message(f"The studio is open at {address}\nInterrupt it (Ctrl-C) to close it; nothing is lost.")
-    if config.browser:
-        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
     try:
-        server.run(sockets=[listening])
+        with opened_page(address, folder.sessions()) if config.browser else nullcontext():
+            server.run(sockets=[listening])
     except KeyboardInterrupt:
         pass  # uvicorn raises the interrupt again when it has closed
     finally:

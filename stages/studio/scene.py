@@ -13,9 +13,12 @@ from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.humanoid.stick_figure import StickFigure, stick_figure
+from stages.shared.inference.constraints.asked import Constraints
+from stages.shared.inference.constraints.known_parts import known_parts
 from stages.shared.inference.constraints.rig_parts import END_EFFECTORS, end_effector
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, has_feet
 from stages.shared.kinematics.forward_numpy import positions_of
+from stages.shared.kinematics.plain_motion import plain_motion
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,34 @@ class Scene:
 
 def scene_of(path: Path) -> Scene:
     """The scene of a BVH. Raises InputError where it cannot be read."""
+    return _scene_of_motion(*_read(path))
+
+
+def plain_scene_of(path: Path, constraints: str) -> Scene:
+    """The scene of the plain interpolation of what constraints keep of a BVH.
+
+    Args:
+        constraints: `Constraints` as JSON. Pins, paths and locks are not looked at.
+
+    Raises: UsageError where nothing says which frames are keys; InputError for parts and frames that are not there.
+    """
+    skeleton, motion = _read(path)
+    known = known_parts(Constraints.model_validate_json(constraints), skeleton, motion.frames)
+    named = np.flatnonzero(known.joints.any(axis=1) | known.position)
+    outside = np.ones(motion.frames, bool)
+    outside[named[0] : named[-1] + 1] = False  # such frames stay as they are
+    joints, position = known.joints | outside[:, None], known.position | outside
+    return _scene_of_motion(skeleton, plain_motion(skeleton, motion, joints, position))
+
+
+def _read(path: Path) -> tuple[Skeleton, Motion]:
     skeleton, motion, _ = motion_of(read_bvh(path.read_bytes(), path.name))
     if motion.frames == 0:
         raise InputError("The recording has no frame.")
+    return skeleton, motion
+
+
+def _scene_of_motion(skeleton: Skeleton, motion: Motion) -> Scene:
     figure = stick_figure(skeleton, positions_of(skeleton, motion), motion.rotations)
     origin = figure.ground_centre()
     points, scale = figure.quantised(origin)

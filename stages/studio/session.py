@@ -41,7 +41,7 @@ class MotionRecord(StageConfig):
     opened: the recording's name in the folder, or "" where it was dropped on the page. sha256: of its bytes, in
         hexadecimal digits. converted: whether it had another format, so that `pumps export` made a BVH of it.
     clip: the one that was chosen of a file that holds several, else "".
-    told: what the stage said, a line each.
+    told, gist: what the stage said, a line each, and the few of these that the page shows when the motion comes.
     """
 
     name: str
@@ -57,6 +57,7 @@ class MotionRecord(StageConfig):
     frames: int = 0
     fps: float = 0.0
     told: tuple[str, ...] = ()
+    gist: tuple[str, ...] = ()
 
 
 class State(StageConfig):
@@ -120,6 +121,14 @@ class Session(StageConfig):
                 waiting += [self.motions[motion].source, self.motions[motion].other]
         return found
 
+    def in_order(self) -> bool:
+        """Whether every motion was made from motions of lower numbers, and none from itself."""
+        return all(
+            not made_from or _number(made_from) < _number(motion)
+            for motion, record in self.motions.items()
+            for made_from in (record.source, record.other)
+        )
+
     def record(self, motion: str) -> MotionRecord:
         """Raises InputError for a motion that the session does not hold."""
         if motion not in self.motions:
@@ -173,7 +182,8 @@ class Sessions:
                 except (ValidationError, ValueError):
                     raise InputError(f"The session {name} is damaged.", "Open the file again.") from None
                 whole = session.id == name and 0 <= session.cursor < len(session.history)
-                if not whole or not all(_MOTION.fullmatch(motion) for motion in session.motions):
+                names = (n for m, r in session.motions.items() for n in (m, r.source or m, r.other or m))
+                if not whole or not all(map(_MOTION.fullmatch, names)) or not session.in_order():
                     raise InputError(f"The session {name} is damaged.", "Open the file again.")
                 self._known[name] = session
             return self._known[name]
@@ -245,6 +255,10 @@ class Sessions:
             write_whole(self.folder(session.id) / _FILE, text.encode())
             self._known[session.id] = session
         return session
+
+
+def _number(motion: str) -> int:
+    return int(motion[1:])
 
 
 class OutOfDateError(UsageError):

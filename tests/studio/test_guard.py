@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import stat
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +14,7 @@ pytest.importorskip("starlette")
 pytest.importorskip("httpx2")
 
 from stages.studio import guard
+from stages.studio.opened_page import opened_page
 from tests.studio.bench_in_folder import CLIPS, HERE, PORT, TOKEN, Page, bench_in
 
 _OUTSIDE = ["../secret.bvh", "/etc/passwd", "sub/../../secret.bvh", "link.bvh", "linked/secret.bvh", "..", "a\0b"]
@@ -59,6 +62,26 @@ def test_requests_that_change_something_name_their_origin(page: Page) -> None:
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
 def test_what_another_page_embeds_is_refused(page: Page, site: str) -> None:
     assert _status(page, origin=None, sec_fetch_site=site) == 403
+
+
+def test_another_page_may_lead_to_this_one_and_to_nothing_else(page: Page) -> None:
+    """The file that opens the page is of another origin, and so is what it leads to."""
+    window = {"origin": None, "sec_fetch_site": "cross-site", "sec_fetch_mode": "navigate"}
+    assert _status(page, f"/{TOKEN}/", **window, sec_fetch_dest="document") == 200
+    assert _status(page, f"/{TOKEN}/", **window, sec_fetch_dest="iframe") == 403
+    assert _status(page, f"/{TOKEN}/api/start", **window, sec_fetch_dest="document") == 403
+    assert _status(page, "/a-token2/", **window, sec_fetch_dest="document") == 404
+
+
+def test_the_token_is_in_no_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    begun = threading.Event()
+    monkeypatch.setattr("webbrowser.open", lambda url: (asked.append(url), begun.set()))
+    with opened_page(f"{HERE}/{TOKEN}/", tmp_path) as leading:
+        assert begun.wait(10) and asked == [leading.as_uri()] and TOKEN not in asked[0]
+        assert f"url={HERE}/{TOKEN}/" in leading.read_text()
+        assert os.name == "nt" or stat.S_IMODE(leading.stat().st_mode) == 0o600
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

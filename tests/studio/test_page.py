@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+from stages.studio.opened_page import opened_page
 from tests.shared.formats.gltf_files import GltfText
 
 pytest.importorskip("starlette")
@@ -76,7 +77,9 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
-def test_a_walk_through_the_page(browser: Any, tmp_path: Path, fast_python: tuple[str, ...]) -> None:
+def test_a_walk_through_the_page(
+    browser: Any, tmp_path: Path, fast_python: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "motions"
     folder.mkdir()
     shutil.copy(CLIPS / "walk.bvh", folder)
@@ -89,7 +92,11 @@ def test_a_walk_through_the_page(browser: Any, tmp_path: Path, fast_python: tupl
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
         page.on("request", lambda request: asked.append(request.url))
-        page.goto(address)
+        with monkeypatch.context() as patched:
+            patched.setattr("webbrowser.open", lambda url: True)
+            with opened_page(address, tmp_path) as leading:
+                page.goto(leading.as_uri())
+                page.wait_for_url(address + "**")
         until(page, "window.studio?.begun && studio.motions.size && [...studio.motions.values()][0].there > 151")
         picture(page, "open")
         # By keyboard alone: a gap of two seconds from frame 30 to 90, filled.
@@ -128,6 +135,20 @@ def test_a_walk_through_the_page(browser: Any, tmp_path: Path, fast_python: tupl
         # What is seen is in the picture: A and B differ in the gap.
         apart = "Math.max(...studio.motions.get(studio.shown.a).distances(studio.motions.get('m1')))"
         assert page.evaluate(apart) > 1
+        # The ghost of the plain interpolation, by keyboard: A differs from it in the gap, and nothing does at a key.
+        page.keyboard.press("g")
+        until(page, "studio.plain.motion?.there > 151 && studio.timeline.data.plain")
+        plain = page.evaluate("[...studio.timeline.data.plain]")
+        assert plain[60] > 20 and max(plain[30], plain[90], plain[140]) < 1
+        assert page.evaluate("studio.view.figures.has('plain')")
+        page.evaluate("studio.timeline.listen.seek(60)")
+        picture(page, "plain")
+        page.keyboard.press("k")  # a key in the gap, where it follows
+        until(page, "studio.plain.motion?.there > 151 && studio.plain.of.includes(',60,')")
+        page.keyboard.press("Control+z")
+        until(page, "studio.plain.motion?.there > 151 && !studio.plain.of.includes(',60,')")
+        page.keyboard.press("g")
+        until(page, "!studio.plain.motion && !studio.view.figures.has('plain')")
         # Saved, and made again by the commands that the page shows.
         page.keyboard.press("Control+s")
         page.fill("#name", "filled.bvh")

@@ -108,7 +108,7 @@ def test_fill_and_edit_are_repeated_by_the_saved_commands_to_the_byte(
         words = [*fast_python, "-m", "pumps_cli", *shlex.split(line)[1:], "--quiet"]
         subprocess.run(words, cwd=folder, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert (folder / "saved.bvh").read_bytes() == saved
-    assert session["motions"][session["state"]["results"][1]]["told"][-1].startswith("Filled 2 times: sample 2 is")
+    assert session["motions"][session["state"]["results"][1]]["told"][-1].startswith("Of 2 fills, sample 2 is")
     gone = page.post(session, "discard", motion=session["state"]["results"][0])
     assert gone["state"]["results"] == job["made"]["motions"][1:]
     on = page.post(gone, "choose", motion=job["made"]["motions"][1])
@@ -142,6 +142,62 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
         broken.write_text(json.dumps({**json.loads(broken.read_text()), "cursor": 99}))
         with pytest.raises(InputError, match="damaged"):
             Sessions(bench.folder.sessions()).load(session["id"])
+
+
+@pytest.mark.parametrize("source", ["m1", "m2", "m3", "../m0"])
+def test_a_motion_made_from_itself_is_refused(tmp_path: Path, source: str) -> None:
+    with bench_in(tmp_path / "folder", "kick") as bench:
+        page = Page(bench)
+        session = page.ask("open", "POST", {"file": "kick.bvh"})
+        file = bench.sessions.folder(session["id"]) / "session.json"
+        held = json.loads(file.read_text())
+        step = {"stage": "edit-mirror", "name": "m"}
+        held["motions"] |= {"m2": {**step, "source": source}, "m3": {**step, "source": "m2"}}
+        file.write_text(json.dumps(held))
+        bench.sessions = Sessions(bench.folder.sessions())
+        if source == "m1":
+            assert set(page.session(session)["motions"]) == {"m1", "m2", "m3"}
+            return
+        told = page.post(session, "save", 404, motion="m3", name="a.bvh")["error"]
+        assert told == f"The session {session['id']} is damaged. Open the file again."
+
+
+def test_plain_interpolation_is_that_of_the_keys(page: Page) -> None:
+    session = page.ask("open", "POST", {"file": "kick.bvh"})
+
+    def points(what: str) -> np.ndarray:
+        where = f"sessions/{session['id']}/{what}"
+        about, raw = page.ask(where), page.client.get(f"/{TOKEN}/api/{where}/points").content
+        return (
+            np.frombuffer(raw, "<i2").reshape(about["frames"], about["nodes"], 3) * about["scale"] + about["origin"]
+        )
+
+    motion = f"motions/{session['state']['motion']}"
+    root = page.ask(f"sessions/{session['id']}/{motion}")["root"]
+    session = page.settings(session, keyframes="4,20,36")
+    made, true = points("plain"), points(motion)
+    between = [*range(5, 20), *range(21, 36)]
+    np.testing.assert_allclose(np.delete(made, between, 0), np.delete(true, between, 0), atol=2e-3)
+    np.testing.assert_allclose(made[12, root], (true[4, root] + true[20, root]) / 2, atol=2e-3)
+    assert np.abs(made - true)[12].max() > 0.05
+    session = page.settings(session, keyframes="4,12,36")
+    np.testing.assert_allclose(points("plain")[12], true[12], atol=2e-3)
+    page.settings(session, keyframes=None)
+    assert "Nothing says which frames are keys" in page.ask(f"sessions/{session['id']}/plain", status=400)["error"]
+
+
+def test_the_page_gets_a_few_lines_of_every_stage(page: Page) -> None:
+    session = page.ask("open", "POST", {"file": "jump.bvh"})
+    for verb, options in (
+        ("mirror", {}),
+        ("smooth", {"seconds": 0.2}),
+        ("trim", {"frames": "0:30"}),
+        ("denoise", {}),
+    ):
+        job = page.wait(page.post(session, "edit", verb=verb, options=options))
+        session = page.session(session)
+        made = session["motions"][job["made"]["motions"][0]]
+        assert made["gist"] and set(made["gist"]) <= set(made["told"]), verb
 
 
 def test_a_session_of_another_person_names_no_weights_of_its_own(tmp_path: Path) -> None:

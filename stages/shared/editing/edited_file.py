@@ -74,8 +74,10 @@ def edit_file(config: EditConfig, change: Callable[[MotionFile], Change], progre
         "notes": notes,
         **made.figures,
     }
-    lines = [*[f"Note: {note}" for note in notes], *made.lines, last]
-    return StageReport(output=config.output, lines=lines, figures=figures)
+    gist = [*[f"Note: {note}" for note in notes], *(made.lines or [last])]
+    return StageReport(
+        output=config.output, lines=[*gist, *([last] if made.lines else [])], gist=gist, figures=figures
+    )
 
 
 def file_asked(config: EditConfig, path: Path) -> MotionFile:

@@ -2,8 +2,8 @@
 import { ask, streamPoints } from "./server.js";
 
 export class Motion {
-  static async load(session, id, arrived) {
-    const path = `sessions/${session}/motions/${id}`;
+  // path: on the server. arrived() is called when some of the points have come; `ready` resolves when all have.
+  static async load(path, id, arrived) {
     const motion = new Motion(id, await ask(path));
     motion.ready = streamPoints(`${path}/points`, motion.values, (bytes) => {
       motion.there = Math.floor(bytes / 6 / motion.nodes);

@@ -2,6 +2,7 @@
 import { alongLine, framesOf, gapClass, gapsOf, keysOf, moved, rangeText, toggled, withKeys } from "./keyframes.js";
 import { Motion } from "./motion.js";
 import { buildVerbs, byId, chooseClip, element, fillSelect, listConstraints, listResults, showFiles } from "./panels.js";
+import { Plain } from "./plain.js";
 import { ask } from "./server.js";
 import { Timeline } from "./timeline.js";
 import { View } from "./view.js";
@@ -9,10 +10,10 @@ import { View } from "./view.js";
 const PARTS = ["spine", "left_arm", "right_arm", "left_leg", "right_leg"];
 const KEYS = [["Space", "play or pause"], ["← →", "a frame; with Shift 10"], [", .", "previous, next keyframe"], ["Home End", "first, last frame"],
   ["K", "set or remove a keyframe"], ["Alt ← →", "move the keyframe here"], ["[ ]", "range begins, ends here"], ["Esc", "no range"],
-  ["F", "fill"], ["X", "exchange A and B"], ["C", "next way to compare"], ["+ −", "zoom the timeline"], ["Ctrl Z", "undo; with Shift redo"], ["Ctrl S", "save"], ["?", "these keys"]];
+  ["F", "fill"], ["X", "exchange A and B"], ["C", "next way to compare"], ["G", "ghost of plain interpolation"], ["+ −", "zoom the timeline"], ["Ctrl Z", "undo; with Shift redo"], ["Ctrl S", "save"], ["?", "these keys"]];
 const studio = window.studio = { session: null, motions: new Map(), shown: { a: "", b: "" }, frame: 0, range: null, playing: false, drawing: null };
 let sending = Promise.resolve(), colours = {};
-const watched = new Set(); // ids of jobs whose progress is asked for
+const plain = new Plain(), watched = new Set(); // ids of jobs whose progress is asked for
 
 const view = new View(byId("view"));
 const timeline = new Timeline(byId("timeline"), {
@@ -23,6 +24,7 @@ const timeline = new Timeline(byId("timeline"), {
 });
 studio.view = view;
 studio.timeline = timeline;
+studio.plain = plain;
 
 const state = () => studio.session?.state, asked = () => state().settings.constraints;
 const base = () => studio.motions.get(state()?.motion), motionOf = (side) => studio.motions.get(studio.shown[side]);
@@ -48,7 +50,7 @@ async function receive(session) {
   const { motion, results } = session.state, wanted = [motion, ...results].filter(Boolean);
   const here = new Map(old?.id === session.id ? [...studio.motions].filter(([id]) => known.includes(id)) : []);
   await Promise.all(wanted.filter((id) => !here.has(id)).map(async (id) => {
-    const loaded = await Motion.load(session.id, id, pose);
+    const loaded = await Motion.load(`sessions/${session.id}/motions/${id}`, id, pose);
     here.set(id, loaded);
     loaded.ready.then(refresh).catch((error) => say(error.message, true));
   }));
@@ -125,8 +127,8 @@ function watch(job) {
     else send(async () => {
       await receive(await ask(`sessions/${studio.session.id}`));
       studio.fillSeconds = (performance.now() - began) / 1000;
-      const told = studio.session.motions[now.made.motions[0]]?.told || [];
-      say(`${studio.fillSeconds.toFixed(1)} s. ${told.filter((line) => /^(Note|Filled|Kept|Exchanged)/.test(line)).slice(0, 3).join(" ")}`);
+      const gist = studio.session.motions[now.made.motions[0]]?.gist || [];
+      say(`${studio.fillSeconds.toFixed(1)} s. ${gist.slice(0, 3).join(" ")}`);
     });
   };
   look();
@@ -170,6 +172,7 @@ function pose() {
       if (other && !wanted.some(([, motion]) => motion === other)) wanted.push([id, other, other.placeAt(seconds), "ghost", 0.25, ""]);
     }
   }
+  if (plain.motion) wanted.push(["plain", plain.motion, plain.motion.placeAt(seconds), "plain", 0.4, ""]);
   view.shown.mode = mode;
   view.pose(wanted);
   view.follow(a, a.placeAt(seconds), byId("follow").checked);
@@ -249,8 +252,9 @@ function refresh() {
   const parts = PARTS.filter((part) => part === row() || asked().parts.some((each) => each.part === part));
   byId("gaps").replaceChildren(`${keys.length} keys, ${gaps.length} gaps`, ...[["short", "to half a second"], ["medium", "to a second"], ["long", "longer"]]
     .flatMap(([name, words]) => [element("i", "", { class: name }), `${counts[name]} ${words}`]));
+  plain.look(byId("ghost-plain").checked ? session : null, send, refresh);
   timeline.show({ frames: motion.frames, fps: motion.fps, asked: asked(), rows: ["", ...parts], row: row(), range: studio.range,
-    speeds: (a || motion).speeds(), distances: a && b ? a.distances(b) : null, colours });
+    speeds: (a || motion).speeds(), distances: a && b ? a.distances(b) : null, plain: plain.motion && a ? a.distances(plain.motion) : null, colours });
   byId("timeline").setAttribute("aria-valuemax", motion.frames - 1);
   seek(studio.place || 0);
 }
@@ -258,7 +262,7 @@ function refresh() {
 function theme(name) {
   if (name) document.documentElement.dataset.theme = name;
   const style = getComputedStyle(document.documentElement), get = (each) => style.getPropertyValue(`--${each}`).trim();
-  colours = Object.fromEntries(["stage", "grid", "shadow", "key", "a", "b", "ghost", "path", "text", "dim", "rule", "accent", "short", "medium", "long"].map((each) => [each, get(each)]));
+  colours = Object.fromEntries(["stage", "grid", "shadow", "key", "a", "b", "ghost", "plain", "path", "text", "dim", "rule", "accent", "short", "medium", "long"].map((each) => [each, get(each)]));
   colours.groups = [get("spine"), get("left"), get("right"), get("left"), get("right")];
   view.colour(colours);
   refresh();
@@ -271,6 +275,7 @@ function listen() {
   const save = () => { if (base()) { byId("saved").textContent = ""; byId("commands").hidden = true; byId("save-dialog").showModal(); byId("name").value ||= `${session0()}.filled.bvh`; } };
   const session0 = () => studio.session.motions[state().motion].name.replace(/\.[^.]*$/, "").replace(/[^\w-]/g, "_");
   const swap = () => { const { a, b } = studio.shown; studio.shown = { a: b, b: a }; refresh(); };
+  const ghost = () => { byId("ghost-plain").checked = !byId("ghost-plain").checked; refresh(); };
   const compare = () => { const select = byId("compare"); select.selectedIndex = (select.selectedIndex + 1) % select.options.length; refresh(); };
   const off = () => { studio.range = null; stopDrawing(); refresh(); };
   click("open", files); click("undo", undo); click("redo", redo); click("save", save); click("play", () => play(!studio.playing));
@@ -298,7 +303,7 @@ function listen() {
   const stopDrawing = () => { studio.drawing = null; view.controls.enabled = true; byId("hint").hidden = true; };
   click("draw", () => { studio.drawing = []; view.controls.enabled = false; byId("hint").hidden = false; byId("hint").textContent = "Draw on the ground where the pelvis goes over the range. Esc ends it."; });
   listenInView(stopDrawing);
-  for (const id of ["compare", "row", "ghost-keys", "ghost-results", "follow", "contacts"]) byId(id).addEventListener("change", refresh);
+  for (const id of ["compare", "row", "ghost-keys", "ghost-results", "ghost-plain", "follow", "contacts"]) byId(id).addEventListener("change", refresh);
   byId("weights").onchange = (e) => change("Chose weights", null, { weights: e.target.value });
   byId("seed").onchange = (e) => change("Chose a seed", null, { seed: Math.max(0, Math.round(Number(e.target.value) || 0)) });
   byId("foot-lock").onchange = (e) => change("Feet", null, { foot_lock: e.target.checked });
@@ -320,7 +325,7 @@ function listen() {
   });
   byId("keys-list").replaceChildren(...KEYS.flatMap(([key, words]) => [element("dt", key), element("dd", words)]));
   const acts = { " ": () => play(!studio.playing), ArrowLeft: () => step(-1), ArrowRight: () => step(1), ",": () => jumpKey(-1), ".": () => jumpKey(1),
-    Home: () => step(-1e9), End: () => step(1e9), k: () => base() && toggleKey(), f: fill, x: swap, c: compare, "[": () => setRange(0), "]": () => setRange(1),
+    Home: () => step(-1e9), End: () => step(1e9), k: () => base() && toggleKey(), f: fill, x: swap, c: compare, g: ghost, "[": () => setRange(0), "]": () => setRange(1),
     Escape: off, "+": () => timeline.zoom(0.5), "-": () => timeline.zoom(2), "?": () => byId("keys-dialog").showModal(), o: files };
   const moveKey = (by) => { const from = studio.frame; if (keysOf(asked(), row(), frames()).includes(from)) { changeKeys("Moved a key", row(), (keys) => moved(keys, from, from + by, frames())); seek(from + by); } };
   addEventListener("keydown", (e) => {

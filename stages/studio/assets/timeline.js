@@ -15,7 +15,7 @@ export class Timeline {
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
-  // data: { frames, fps, asked, rows, row, range, speeds, distances, colours }.
+  // data: { frames, fps, asked, rows, row, range, speeds, distances, plain, colours }.
   show(data) {
     if (!this.data || this.data.frames !== data.frames) { this.first = 0; this.last = Math.max(1, data.frames - 1); }
     this.data = data;
@@ -119,14 +119,17 @@ export class Timeline {
     });
     const top = RULER + rows.length * ROW + 16; // below the curves' names
     if (height - top > 12) {
-      this.curve(ctx, this.data.speeds, top, height - top - 3, colours.dim, (v) => `pelvis, up to ${v.toFixed(1)} m/s`, LEFT + 2);
-      this.curve(ctx, this.data.distances, top, height - top - 3, colours.b, (v) => `A to B, up to ${v.toFixed(v < 10 ? 1 : 0)} mm`, LEFT + 160);
+      const far = (v) => `up to ${v.toFixed(v < 10 ? 1 : 0)} mm`;
+      let left = LEFT + 2;
+      for (const [values, colour, words] of [[this.data.speeds, colours.dim, (v) => `pelvis, up to ${v.toFixed(1)} m/s`],
+        [this.data.distances, colours.b, (v) => `A to B, ${far(v)}`], [this.data.plain, colours.plain, (v) => `plain, ${far(v)}`]]) left += this.curve(ctx, values, top, height - top - 3, colour, words, left);
     }
     this.overlay();
   }
 
+  // Returns how wide its name is, with the space after it.
   curve(ctx, values, top, height, colour, words, left) {
-    if (!values?.length) return;
+    if (!values?.length) return 0;
     let most = 1e-9;
     for (const value of values) most = Math.max(most, value);
     ctx.strokeStyle = ctx.fillStyle = colour;
@@ -141,6 +144,7 @@ export class Timeline {
     }
     ctx.stroke();
     ctx.fillText(words(most), left, top - 4);
+    return ctx.measureText(words(most)).width + 12;
   }
 
   overlay() {
