@@ -140,7 +140,7 @@ def _at_address(config: Config) -> tuple[str, DataFile, None]:
     _check_name(name)
     try:
         checksum = checked_sha256(config.checksum)
-        return name, DataFile(name=f"{name}{suffix}", url=config.source, checksum=checksum), None
+        return name, DataFile(name=f"{name}{suffix}", url=config.source, bytes=0, checksum=checksum), None
     except ValidationError as error:
         raise UsageError(f"{config.source}: {error.errors()[0]['msg']}.", "Check the address.") from None
     except ValueError as error:
