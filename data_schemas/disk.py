@@ -14,13 +14,14 @@ from data_schemas.errors import PumpsError, UsageError
 
 # Faults of writing alone: the disk or a quota is full, a file may not grow further, the disk is read-only.
 WRITING_FAULTS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+_FLUSHED_AS = os.O_RDWR if os.name == "nt" else os.O_RDONLY  # Windows flushes only what is open for writing
 _DISK_FAULTS = WRITING_FAULTS | {errno.EIO}
 
 
 def flush_to_disk(path: Path) -> None:
     """Flush a file, or a folder's list of names, to the disk. Raises OSError if the disk refuses."""
     try:
-        descriptor = os.open(path, os.O_RDONLY)
+        descriptor = os.open(path, _FLUSHED_AS)
     except PermissionError:  # folders cannot be opened on every system
         return
     try:

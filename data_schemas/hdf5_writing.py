@@ -54,7 +54,8 @@ class NewFile(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         view = memoryview(buffer).cast("B")
         count = max(0, min(len(view), self._end - self._at))
-        view[:count] = os.pread(self._handle, count, self._at).ljust(count, b"\0")
+        os.lseek(self._handle, self._at, os.SEEK_SET)  # Windows has no pread and pwrite
+        view[:count] = os.read(self._handle, count).ljust(count, b"\0")
         for start, data in self._unwritten:
             first, last = max(start, self._at), min(start + len(data), self._at + count)
             if first < last:
@@ -66,8 +67,9 @@ class NewFile(io.RawIOBase):
         view = memoryview(data).cast("B")
         done = 0
         try:
+            os.lseek(self._handle, self._at, os.SEEK_SET)
             while self._fault is None and done < len(view):
-                done += os.pwrite(self._handle, view[done:], self._at + done)
+                done += os.write(self._handle, view[done:])
         except OSError as error:
             self._fault = error
         if done < len(view):

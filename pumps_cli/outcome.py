@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from data_schemas.errors import PumpsError
+from data_schemas.old_names import OldName
 from pumps_cli.interrupts import INTERRUPTED
 from pumps_cli.terminal import COULD_NOT, NO_READER, interrupts_raised, say, say_aside, visible
 
@@ -44,6 +45,8 @@ def errors_reported(manner: Manner, command: str) -> Iterator[None]:
         with interrupts_raised(), warnings.catch_warnings():
             if not manner.debug:
                 warnings.simplefilter("ignore")  # libraries' warnings for programmers
+                warnings.simplefilter("always", OldName)
+                warnings.showwarning = _show_old_name
             yield
     except PumpsError as error:
         _fail(manner, error.message, error.hint, error.exit_code)
@@ -61,6 +64,11 @@ def errors_reported(manner: Manner, command: str) -> Iterator[None]:
     except Exception as error:
         cause = f"{type(error).__name__}: {' '.join(str(error).split())}"
         _fail(manner, f"`{command}` failed: {cause}.", "This is a fault of pumps; --debug shows where.", COULD_NOT)
+
+
+def _show_old_name(message: Warning | str, *where: object) -> None:
+    """In the place of warnings.showwarning: one line, without the place in the code."""
+    say_aside(str(message))
 
 
 def _fail(manner: Manner, message: str, hint: str | None, code: int) -> None:

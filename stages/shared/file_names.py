@@ -37,9 +37,9 @@ class FileNames:
             plain = _plain(name)
             with_digits = (f"{_cut(plain, LONGEST_BYTES - 9)}-{_digits(name, attempt)}" for attempt in count())
             found = plain if plain == name else next(with_digits)
-            while _folded(found) in self._taken:
+            while folded(found) in self._taken:
                 found = next(with_digits)
-            self._taken.add(_folded(found))
+            self._taken.add(folded(found))
             self._by_name[name] = found
         return self._by_name[name]
 
@@ -66,7 +66,8 @@ def _cut(text: str, most: int) -> str:
     return text.encode("utf-8")[:most].decode("utf-8", errors="ignore")
 
 
-def _folded(name: str) -> str:
+def folded(name: str) -> str:
+    """What is equal for names or paths that are one file on systems that ignore case or how accents are encoded."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -26,6 +27,14 @@ def test_every_older_version_has_a_way_to_today():
         assert callable(step)
         for later in range(version, KINDS[kind].schema_version):
             assert (kind, later) in migrations.MIGRATIONS
+
+
+def test_the_changelog_names_every_migration():
+    changelog = (Path(__file__).parents[2] / "CHANGELOG.md").read_text()
+    listed = re.findall(r"^ *\| (\w+) \| (\d+) \| (\d+) \|", changelog, re.M)
+    assert [(kind, int(old), int(new)) for kind, old, new in listed] == [
+        (kind, version, version + 1) for kind, version in migrations.MIGRATIONS
+    ]
 
 
 def test_frozen_motion_of_version_0_is_read():

@@ -25,7 +25,7 @@ from data_schemas.errors import InputError, PumpsError, UsageError
 from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.whole_file import write_whole
 from stages.shared.contract import ManyFilesConfig, StageReport
-from stages.shared.file_names import FileNames
+from stages.shared.file_names import FileNames, folded
 from stages.shared.formats.archives import archive_suffix
 from stages.shared.formats.readers import AUTO, suffixes_of
 from stages.shared.formats.sources import Source, find_sources
@@ -127,7 +127,7 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
     What earlier runs wrote into the folder is no input.
     """
     names: dict[str, FileNames] = {}
-    taken: set[Path] = set()
+    taken: set[str] = set()  # folded, since paths that differ by case alone are one file on some systems
     text = str(config.input)  # type: ignore[attr-defined]
     written = {(out / name).resolve() for name in (*earlier, TABLE)}
     for source in find_sources([text], suffixes_of(AUTO), keep_bad=True):
@@ -145,11 +145,11 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
         for name in (inner.stem, inner.stem + own.replace(".", "_"), source.name):
             output = folder / f"{plain.of(name)}{suffix}"
             files = config.outputs_of(output)
-            if taken.isdisjoint(files):
+            if taken.isdisjoint(folded(str(file)) for file in files):
                 break
         else:
             raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
-        taken.update(files)
+        taken.update(folded(str(file)) for file in files)
         yield FileRun(source, output, files)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
+from data_schemas.old_names import tell_old_name
 from stages.registry import NAMES, OLD_NAMES, PIPELINE, stage_named
 from stages.shared.settings.layers import Layer, settle_file_part
 from stages.shared.toml import read_toml
@@ -72,6 +73,8 @@ def _tables(path: Path) -> dict[str, Any]:
     """A file's tables and keys; a table that has a stage's old name is the stage's, if none has its new one."""
     values = read_toml(path)
     old = {key: OLD_NAMES[key] for key, table in values.items() if key in OLD_NAMES and isinstance(table, dict)}
+    for key, new in old.items():
+        tell_old_name(f"The table [{key}] of {path}", f"[{new}]")
     return {old.get(key, key): table for key, table in values.items() if old.get(key) not in values}
 
 

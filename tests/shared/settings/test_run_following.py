@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from data_schemas.errors import InputError, UsageError
+from data_schemas.manifest import open_artefact
 from stages.shared.settings.recipes import embedded_clips, read_recipe
 from stages.shared.settings.run_folder import RunRequest, write_run
 from stages.shared.settings.run_following import commands_of, follow
@@ -161,6 +162,37 @@ nodes = ["ingest"]
 [nodes.ingest]
 stage = "ingest"
 """
+
+
+CLOUDS = (
+    RECIPE.replace('"ingest"]', '"sample-tpc"]')
+    + """
+[nodes.sample-tpc]
+stage = "sample-tpc"
+inputs = { motion = "ingest" }
+"""
+)
+
+
+def test_the_same_recipe_by_make_and_without_gives_the_same_content(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(CLOUDS)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"}
+    pumps = [sys.executable, "-m", "pumps_cli"]
+    for words in (
+        [*pumps, "run", "own.toml", "--run", "without"],
+        [*pumps, "config", "write", "--recipe", "own.toml", "--run", "by-make"],
+        ["make", "-f", "by-make/run.mk", "R=by-make", f"PUMPS={' '.join(pumps)}", "run"],
+    ):
+        made = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=environment)
+        assert made.returncode == 0, made.stdout + made.stderr
+    for stage in ("ingest", "sample-tpc"):
+        one, other = (open_artefact(tmp_path / run / stage) for run in ("without", "by-make"))
+        assert one.manifest.digest == other.manifest.digest
+        assert _bytes_of(one.folder) == _bytes_of(other.folder)
+
+
+def _bytes_of(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_a_recipe_of_ones_own_is_made_by_one_command(tmp_path: Path) -> None:

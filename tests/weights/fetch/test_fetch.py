@@ -91,7 +91,8 @@ def test_the_licence_is_shown_before_anything_is_requested(fetch: Asked, cache: 
 
 
 def test_an_address_needs_a_checksum_and_shows_the_licence_of_what_came(fetch: Asked, cache: Path, weights: Path):
-    address, settings = f"{fetch.address}/walks%2Dtwo.zip", {"registry": None}
+    address = f"{fetch.address}/walks%2Dtwo.zip"
+    settings: dict[str, object] = {"registry": None}
     fetch.behaviour.content = zip_of(weights)
     with pytest.raises(UsageError, match="needs its checksum"):
         fetch(address, **settings)
