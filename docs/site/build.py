@@ -3,7 +3,8 @@
     python docs/site/build.py [-o runs/site] [--clips dance_b jump]
 
 Each page has one source: the Markdown files and notebooks of the repository, which are copied with their links turned
-to the places that pages have on the site. Linked files that are no pages come along. Any warning of the generator is an error.
+to the places that pages have on the site. Linked files that are no pages come along. Any warning of the generator is
+an error.
 """
 
 from __future__ import annotations
