@@ -2,13 +2,16 @@
 
     python docs/site/build.py [-o runs/site] [--clips dance_b jump]
 
-Each page has one source: the Markdown files of the repository, which are copied with their links turned to the places
-that pages have on the site. Linked files that are no pages come along. Any warning of the generator is an error.
+Each page has one source: the Markdown files and notebooks of the repository, which are copied with their links turned
+to the places that pages have on the site. Linked files that are no pages come along. Any warning of the generator is
+an error.
 """
 
 from __future__ import annotations
 
 import argparse
+import base64
+import json
 import os
 import re
 import shutil
@@ -66,7 +69,8 @@ def places() -> dict[Path, Path]:
     """The pages: file of the repository -> place on the site."""
     found = {ROOT / "README.md": Path("index.md"), **{ROOT / name: Path(name) for name in AT_THE_TOP}}
     found |= {path: path.relative_to(ROOT / "docs") for path in (ROOT / "docs").rglob("*.md") if path.parent != HERE}
-    return found | {path: Path(path.name) for path in HERE.glob("*.md")}
+    notebooks = {path: Path("notebooks", f"{path.stem}.md") for path in (ROOT / "docs" / "notebooks").glob("*.ipynb")}
+    return found | notebooks | {path: Path(path.name) for path in HERE.glob("*.md")}
 
 
 def collect(pages: Path) -> None:
@@ -74,12 +78,30 @@ def collect(pages: Path) -> None:
     placed = places()
     for path, place in placed.items():
         moved = partial(_moved, page=path, placed=placed, pages=pages)
-        text = _LINK.sub(moved, path.read_text(encoding="utf-8"))
         target = pages / place
         target.parent.mkdir(parents=True, exist_ok=True)
+        written = path.read_text(encoding="utf-8")
+        text = notebook_page(written, target) if path.suffix == ".ipynb" else _LINK.sub(moved, written)
         target.write_text(text.replace("GALLERY", PLAYER), encoding="utf-8")
     for asset in ("site.css", "iframe-worker.js"):
         shutil.copy(HERE / asset, pages)
+
+
+def notebook_page(notebook: str, target: Path) -> str:
+    """A notebook as Markdown: text, code, and what this printed and drew. Pictures are written beside `target`."""
+    parts, pictures = [], 0
+    for cell in json.loads(notebook)["cells"]:
+        source = "".join(cell["source"])
+        parts.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
+        for made in cell.get("outputs", []):
+            if "text" in made:
+                parts.append(f"```text\n{''.join(made['text']).rstrip()}\n```")
+            elif picture := made.get("data", {}).get("image/png"):
+                pictures += 1
+                file = target.with_name(f"{target.stem}-{pictures}.png")
+                file.write_bytes(base64.b64decode("".join(picture)))
+                parts.append(f"![What the code above draws]({file.name})")
+    return "\n\n".join(parts) + "\n"
 
 
 def make_player(clips: Sequence[str], work: Path) -> Path:
