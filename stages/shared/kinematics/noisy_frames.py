@@ -5,6 +5,11 @@ lies near no such line, since noise is independent from frame to frame. So every
 frames near it; its smallest error separates the two kinds even if most frames are noisy. What this finds is then
 refined: each frame is predicted from the nearest frames that were found clean. Errors are of quaternions, the median
 over joints where a whole frame is judged, so that a few fast joints do not make a frame noisy.
+
+Lines also miss a short, quick movement, such as a kick. But a movement is smooth from frame to frame, and noise is
+not: of independent noise, fourth differences are sqrt(70 / 6) = 3.4 times as large as second differences, of a
+movement that swings once in four frames twice as large, of slower ones less. What is found is noise only if it is
+that rough.
 """
 
 from __future__ import annotations
@@ -13,6 +18,8 @@ from functools import cache
 
 import numpy as np
 from scipy.ndimage import percentile_filter
+
+from stages.shared.kinematics.runs import runs_of
 
 REACH = 8  # frames to both sides that predict a frame
 FLOOR = 0.004  # an error of quaternions below this, about half a degree, is no noise
@@ -27,6 +34,8 @@ _OF_NOISE = 0.35  # share of the noisy frames' median error; a frame below it is
 _ROUNDS = 8
 _AT_ENDS, _MOST_GROWTH = 2.0, 3.0  # factor on the limit at the ends; largest factor for a long gap
 _BEYOND, _HIGH, _AROUND = 3.0, 80, 25  # limit: so many times this percentile of the errors of so many clean frames
+_ROUGH_FRAMES, _ROUGH_JOINTS = 2.5, 2.8  # least ratio of fourth to second differences
+_FEW = 0.1  # share of the frames; quick movements are no more, so that with more noisy frames all are taken for noise
 _NEAR = 3  # frames, within which a line may be continued beyond two clean frames
 
 
@@ -42,7 +51,8 @@ def noisy_frames(rotations: np.ndarray) -> np.ndarray:
     if len(values) < 5 or values.shape[1] == 0:
         return np.zeros(len(rotations), bool)
     score = np.sqrt(pair_errors(values, together=True))
-    return _refined(values, _first_guess(score, _FRAME_LIMITS[0], FLOOR), _FRAME_LIMITS[1], FLOOR)
+    found = _refined(values, _first_guess(score, _FRAME_LIMITS[0], FLOOR), _FRAME_LIMITS[1], FLOOR)
+    return _rough(values, found, _ROUGH_FRAMES) if found.mean() < _FEW else found
 
 
 def noisy_joints(rotations: np.ndarray, usable: np.ndarray) -> np.ndarray:
@@ -61,7 +71,8 @@ def noisy_joints(rotations: np.ndarray, usable: np.ndarray) -> np.ndarray:
     score = np.sqrt(pair_errors(values, together=False))
     for joint in np.flatnonzero(np.ptp(values, axis=0).max(-1) > 1e-6):
         guess = _first_guess(score[:, joint], _JOINT_LIMITS[0], JOINT_FLOOR)
-        found[at, joint] = _refined(values[:, joint : joint + 1], guess, _JOINT_LIMITS[1], JOINT_FLOOR)
+        own = values[:, joint : joint + 1]
+        found[at, joint] = _rough(own, _refined(own, guess, _JOINT_LIMITS[1], JOINT_FLOOR), _ROUGH_JOINTS)
     return found
 
 
@@ -101,6 +112,23 @@ def _beyond_motion(values: np.ndarray, noisy: np.ndarray) -> np.ndarray:
     near = np.interp(frames, at, usual)
     asked = np.where((frames < at[0]) | (frames > at[-1]), _AT_ENDS * _BEYOND, _BEYOND)
     return error > asked * near * np.minimum(np.sqrt(gap), _MOST_GROWTH)
+
+
+def _rough(values: np.ndarray, noisy: np.ndarray, limit: float) -> np.ndarray:
+    """(T,) the noisy frames of values (T, J, C), without runs in which the values are smooth; runs at the ends of the
+    clip cannot be judged and stay."""
+    if not noisy.any() or len(values) < 5:
+        return noisy
+    second, fourth = np.zeros(len(values)), np.zeros(len(values))
+    second[1:-1] = (np.diff(values, n=2, axis=0) ** 2).sum((1, 2))
+    fourth[2:-2] = (np.diff(values, n=4, axis=0) ** 2).sum((1, 2))
+    kept = noisy.copy()
+    for run in runs_of(noisy):
+        start, stop = int(run[0]), int(run[-1]) + 1
+        if start >= 2 and stop <= len(values) - 2:
+            smooth = fourth[start - 2 : stop + 2].sum() < limit**2 * second[start - 1 : stop + 1].sum()
+            kept[start:stop] = not smooth
+    return kept
 
 
 def pair_errors(values: np.ndarray, *, together: bool, reach: int = REACH) -> np.ndarray:

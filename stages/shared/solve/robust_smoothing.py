@@ -23,6 +23,9 @@ _SPAN = 0.3  # frames; so short that the curve meets the clean frames
 _MANY = 0.1  # with more noisy frames than this, the frames between them are too few to judge joints alone
 _JITTER_RAD = np.radians(0.15)  # root mean square; a joint whose jitter is less stays as it is
 _JITTER_M = 0.001
+# Least median, as a share of the root mean square, where few frames are noisy; what mending leaves of many is uneven.
+_STEADY = 0.8
+_OF_MEDIAN = 1.126  # times the median is the root mean square, of the length of Gaussian noise in three directions
 _FROZEN_FRAMES = 4
 _FROZEN_JUMP = 4.0  # times the joint's usual step: how far it jumps when it is freed
 _LOST_DEGREES = 10.0
@@ -82,7 +85,8 @@ def mend_poses(
     places = _mended(
         places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0])
     )
-    return Mended(_without_jitter(made), _positions_without_jitter(places), bad, whole, swapped)
+    steady = _STEADY if noisy.mean() < _MANY else 0.0
+    return Mended(_without_jitter(made, steady), _positions_without_jitter(places, steady), bad, whole, swapped)
 
 
 def _sides_put_back(
@@ -187,19 +191,25 @@ def _mended(curves: np.ndarray, bad: np.ndarray, weights: np.ndarray) -> np.ndar
     return np.where(bad[:, None], smooth, curves)
 
 
-def _without_jitter(rotations: np.ndarray) -> np.ndarray:
+def _without_jitter(rotations: np.ndarray, steady: float) -> np.ndarray:
     smooth = _unit(smooth_as_needed(rotations.reshape(len(rotations), -1), together=4).reshape(rotations.shape))
     turned = 2 * np.linalg.norm(smooth - rotations, axis=-1)  # radians, of small turns
-    jitters = np.sqrt((turned**2).mean(0)) > _JITTER_RAD
-    return np.where(jitters[None, :, None], smooth, rotations)
+    return np.where(_jitters(turned, _JITTER_RAD, steady)[None, :, None], smooth, rotations)
 
 
-def _positions_without_jitter(positions: np.ndarray) -> np.ndarray:
+def _positions_without_jitter(positions: np.ndarray, steady: float) -> np.ndarray:
     if positions.shape[1] == 0:
         return positions
     smooth = smooth_as_needed(positions, together=3)
-    jitters = np.sqrt(((smooth - positions) ** 2).reshape(len(positions), -1, 3).sum(-1).mean(0)) > _JITTER_M
-    return np.where(np.repeat(jitters, 3)[None], smooth, positions)
+    moved = np.linalg.norm((smooth - positions).reshape(len(positions), -1, 3), axis=-1)
+    return np.where(np.repeat(_jitters(moved, _JITTER_M, steady), 3)[None], smooth, positions)
+
+
+def _jitters(taken: np.ndarray, least: float, steady: float) -> np.ndarray:
+    """(J,) True where what a smoother takes off, (T, J), is large enough and there in all frames. What it takes off a
+    quick movement is large in a few frames, so that the median lies far below the root mean square."""
+    size = np.sqrt((taken**2).mean(axis=0))
+    return (size > least) & (_OF_MEDIAN * np.median(taken, axis=0) >= steady * size)
 
 
 def _unit(rotations: np.ndarray) -> np.ndarray:

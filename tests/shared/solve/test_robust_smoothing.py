@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
 from stages.shared.kinematics.forward_numpy import local_rotations_of
+from stages.shared.kinematics.rotations import from_turn_vectors, multiply
 from stages.shared.pose_tasks.noise import NOISES
 from stages.shared.solve.robust_smoothing import frozen_joints, lost_joints, mend_poses
 from tests.shared.inference.examples import humanoid, swinging
@@ -75,3 +80,25 @@ def test_noise_is_the_papers():
         assert 0.19 < frames.mean() < 0.81 and (noisy == frames[:, None]).all()
         assert (roots[~frames] == ROOTS[~frames]).all() and (local[~frames] == LOCAL[~frames]).all()
         assert 0 < (roots - ROOTS)[frames].std() < 0.12 and np.abs(local - LOCAL)[frames].mean() < 0.2
+
+
+def _clip(name: str) -> tuple[np.ndarray, np.ndarray]:
+    path = Path(f"stages/shared/clips/{name}.bvh")
+    skeleton, motion, _ = motion_of(read_bvh(path.read_bytes(), path.name))
+    return local_rotations_of(skeleton, motion).astype(float), motion.root_positions.astype(float)
+
+
+@pytest.mark.parametrize("name", ["kick", "punch", "spinkick", "jump"])
+def test_a_quick_movement_is_no_noise_and_a_burst_is(name: str):
+    local, roots = _clip(name)
+    assert degrees(mend_poses(local, roots).local, local).mean() < 0.4
+    struck, at = local.copy(), slice(20, 26)
+    struck[at, 4] = multiply(struck[at, 4], from_turn_vectors(0.4 * np.random.default_rng(0).standard_normal((6, 3))))
+    assert mend_poses(struck, roots).noisy[at, 4].sum() >= 4
+
+
+def test_jitter_of_all_frames_goes():
+    local, roots = _clip("walk")
+    turns = np.radians(0.8) * np.random.default_rng(0).standard_normal((*local.shape[:2], 3))
+    shaken = multiply(local, from_turn_vectors(turns))
+    assert degrees(mend_poses(shaken, roots).local, local).mean() < 0.8 * degrees(shaken, local).mean()
