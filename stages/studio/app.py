@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,8 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         return bench.shown(bench.sessions.load(asked["session"]))
 
     def start(asked: dict[str, Any]) -> dict[str, Any]:
-        return {"first": first, "weights": bench.weights, "folder": bench.folder.path.name}
+        about = {"first": first, "weights": bench.weights, "folder": bench.folder.path.name}
+        return {**about, "bodies": find_spec("anny") is not None}
 
     def opened(asked: dict[str, Any]) -> dict[str, Any]:
         about = _place(asked) if "session" in asked else (None, None)
@@ -83,6 +85,9 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
     def points(asked: dict[str, Any]) -> bytes:
         return bench.scene(asked["session"], asked["motion"]).points
 
+    def surface(asked: dict[str, Any]) -> bytes:
+        return bench.surface(asked["session"], asked["motion"])
+
     here = "/api/sessions/{session}"
     routes = [
         Route("/", _page),
@@ -104,6 +109,7 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         _route(f"{here}/jobs/{{job}}", cancel, "DELETE"),
         _route(f"{here}/motions/{{motion}}", scene),
         _route(f"{here}/motions/{{motion}}/points", points),
+        _route(f"{here}/motions/{{motion}}/surface", surface),
     ]
     return Guard(Starlette(routes=routes), token, port)  # type: ignore[arg-type]
 

@@ -66,6 +66,12 @@ class Bench:
         """What the page draws of a motion."""
         return self._scene_of(self.sessions.bvh(self.sessions.load(session), motion))
 
+    def surface(self, session: str, motion: str) -> bytes:
+        """The surface of a body that moves as a motion does, as `stages.studio.surface` packs it."""
+        from stages.studio.surface import surface_of  # it needs torch
+
+        return surface_of(self.sessions.bvh(self.sessions.load(session), motion))
+
     def open_file(self, name: str, session: str | None, revision: int | None, aside: bool, clip: str = "") -> Session:
         """Open a recording of the folder, in a session or a new one.
 
