@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,8 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         return bench.shown(bench.sessions.load(asked["session"]))
 
     def start(asked: dict[str, Any]) -> dict[str, Any]:
-        return {"first": first, "weights": bench.weights, "folder": bench.folder.path.name}
+        about = {"first": first, "weights": bench.weights, "folder": bench.folder.path.name}
+        return {**about, "bodies": find_spec("anny") is not None}
 
     def opened(asked: dict[str, Any]) -> dict[str, Any]:
         about = _place(asked) if "session" in asked else (None, None)
@@ -89,6 +91,9 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
     def plain_points(asked: dict[str, Any]) -> bytes:
         return bench.plain_scene(asked["session"]).points
 
+    def surface(asked: dict[str, Any]) -> bytes:
+        return bench.surface(asked["session"], asked["motion"])
+
     here = "/api/sessions/{session}"
     routes = [
         Route("/", _page),
@@ -112,6 +117,7 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         _route(f"{here}/plain/points", plain_points),
         _route(f"{here}/motions/{{motion}}", scene),
         _route(f"{here}/motions/{{motion}}/points", points),
+        _route(f"{here}/motions/{{motion}}/surface", surface),
     ]
     return Guard(Starlette(routes=routes), token, port)  # type: ignore[arg-type]
 

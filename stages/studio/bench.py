@@ -79,6 +79,12 @@ class Bench:
         kept = Constraints(keyframes=asked.keyframes, parts=asked.parts, keep=asked.keep)
         return self._plain_scene_of(self.sessions.bvh(found, found.state.motion), kept.model_dump_json())
 
+    def surface(self, session: str, motion: str) -> bytes:
+        """The surface of a body that moves as a motion does, as `stages.studio.surface` packs it."""
+        from stages.studio.surface import surface_of  # it needs torch
+
+        return surface_of(self.sessions.bvh(self.sessions.load(session), motion))
+
     def open_file(self, name: str, session: str | None, revision: int | None, aside: bool, clip: str = "") -> Session:
         """Open a recording of the folder, in a session or a new one.
 

@@ -5,6 +5,7 @@ It runs where Playwright and Chromium are there. STUDIO_PICTURES=1 writes the pi
 
 from __future__ import annotations
 
+import base64
 import os
 import re
 import shlex
@@ -19,8 +20,12 @@ from typing import Any
 
 import pytest
 
+from stages.shared.formats.bvh import read_bvh
+from stages.shared.formats.bvh_motion import motion_of
+from stages.studio import surface
 from stages.studio.opened_page import opened_page
 from tests.shared.formats.gltf_files import GltfText
+from tests.shared.meshes.figures import box_man
 
 pytest.importorskip("starlette")
 playwright = pytest.importorskip("playwright.sync_api")
@@ -50,6 +55,11 @@ def studio(folder: Path) -> Iterator[str]:
     finally:
         process.kill()
         process.wait()
+
+
+def walking() -> Any:
+    """The skeleton and the motion of the walk."""
+    return motion_of(read_bvh((CLIPS / "walk.bvh").read_bytes(), "walk.bvh"))[:2]
 
 
 def until(page: Any, condition: str, seconds: float = 120.0) -> None:
@@ -182,6 +192,21 @@ def test_a_walk_through_the_page(
         page.click("#files button:has-text('several.glb')")
         page.click("#clips button:has-text('-run_<b>')")
         until(page, "document.getElementById('file').textContent.startsWith('-run_<b> in several.glb')")
+        # A body with a surface, of boxes here, in the place of the bones.
+        packed = base64.b64encode(surface.packed(*surface.dressed(*walking(), *box_man()))).decode()
+        page.evaluate(
+            """async (packed) => {
+                const { Body } = await import("./assets/body.js");
+                const bytes = Uint8Array.from(atob(packed), (c) => c.charCodeAt(0));
+                studio.motions.get(studio.shown.a).body = new Body(bytes.buffer);
+                document.getElementById("surface").checked = true;
+                studio.timeline.listen.seek(3);
+            }""",
+            packed,
+        )
+        until(page, "studio.view.figures.get('a').geometry?.attributes.position.array.some((each) => each > 0.5)")
+        page.evaluate("document.getElementById('surface').checked = false; studio.timeline.listen.seek(4)")
+        until(page, "studio.view.figures.get('a').bones")
         page.close()
     saved = (folder / "filled.bvh").read_bytes()
     (folder / "filled.bvh").unlink()

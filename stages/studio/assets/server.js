@@ -15,6 +15,13 @@ export async function ask(path, method = "GET", body = undefined) {
   return found;
 }
 
+export async function askBytes(path) {
+  const answer = await fetch(`api/${path}`);
+  if (answer.ok) return answer.arrayBuffer();
+  const found = answer.headers.get("content-type")?.startsWith("application/json") ? await answer.json() : {};
+  throw new Refused(found.error || `The server answered ${answer.status}.`, answer.status);
+}
+
 // The points of a motion, as they arrive; `arrived` is called with how many frames are there.
 export async function streamPoints(path, values, arrived) {
   const answer = await fetch(`api/${path}`);

@@ -1,4 +1,5 @@
 // The studio's page: what is shown, what the keys and buttons do, and how changes go to the server.
+import { Body } from "./body.js";
 import { alongLine, framesOf, gapClass, gapsOf, keysOf, moved, rangeText, toggled, withKeys } from "./keyframes.js";
 import { Motion } from "./motion.js";
 import { buildVerbs, byId, chooseClip, element, fillSelect, listConstraints, listResults, showFiles } from "./panels.js";
@@ -174,6 +175,8 @@ function pose() {
   }
   if (plain.motion) wanted.push(["plain", plain.motion, plain.motion.placeAt(seconds), "plain", 0.4, ""]);
   view.shown.mode = mode;
+  view.surfaces = byId("surface").checked;
+  if (view.surfaces) dress(wanted.filter(([, , , , faint]) => !faint).map(([, motion]) => motion));
   view.pose(wanted);
   view.follow(a, a.placeAt(seconds), byId("follow").checked);
   const standing = byId("contacts").checked ? a.contacts.filter((foot) => foot.runs.some(([from, to]) => studio.frame >= from && studio.frame <= to)) : [];
@@ -184,6 +187,18 @@ function pose() {
   const path = studio.drawing?.length ? studio.drawing : asked().path ? asked().path.places.map((p) => [p[0], p[p.length - 1]]) : [];
   view.mark(discs, pins, path);
   view.draw();
+}
+
+// Ask for the surfaces of these motions; until they are there, bones are drawn.
+function dress(motions) {
+  for (const motion of motions.filter((each) => !each.body && !each.dressing)) {
+    motion.dressing = true;
+    say("Putting the motion on a body…");
+    Body.load(studio.session.id, motion.id).then((body) => { motion.body = body; say(""); pose(); }, (error) => {
+      motion.dressing = byId("surface").checked = false;
+      say(error.message, true);
+    });
+  }
 }
 
 function seek(place) {
@@ -262,7 +277,7 @@ function refresh() {
 function theme(name) {
   if (name) document.documentElement.dataset.theme = name;
   const style = getComputedStyle(document.documentElement), get = (each) => style.getPropertyValue(`--${each}`).trim();
-  colours = Object.fromEntries(["stage", "grid", "shadow", "key", "a", "b", "ghost", "plain", "path", "text", "dim", "rule", "accent", "short", "medium", "long"].map((each) => [each, get(each)]));
+  colours = Object.fromEntries(["stage", "grid", "shadow", "key", "a", "b", "skin", "ghost", "plain", "path", "text", "dim", "rule", "accent", "short", "medium", "long"].map((each) => [each, get(each)]));
   colours.groups = [get("spine"), get("left"), get("right"), get("left"), get("right")];
   view.colour(colours);
   refresh();
@@ -303,7 +318,7 @@ function listen() {
   const stopDrawing = () => { studio.drawing = null; view.controls.enabled = true; byId("hint").hidden = true; };
   click("draw", () => { studio.drawing = []; view.controls.enabled = false; byId("hint").hidden = false; byId("hint").textContent = "Draw on the ground where the pelvis goes over the range. Esc ends it."; });
   listenInView(stopDrawing);
-  for (const id of ["compare", "row", "ghost-keys", "ghost-results", "ghost-plain", "follow", "contacts"]) byId(id).addEventListener("change", refresh);
+  for (const id of ["compare", "row", "ghost-keys", "ghost-results", "ghost-plain", "surface", "follow", "contacts"]) byId(id).addEventListener("change", refresh);
   byId("weights").onchange = (e) => change("Chose weights", null, { weights: e.target.value });
   byId("seed").onchange = (e) => change("Chose a seed", null, { seed: Math.max(0, Math.round(Number(e.target.value) || 0)) });
   byId("foot-lock").onchange = (e) => change("Feet", null, { foot_lock: e.target.checked });
@@ -378,6 +393,8 @@ async function begin() {
   studio.place = 0;
   const start = await ask("start");
   fillSelect(byId("weights"), start.weights);
+  byId("surface").disabled = !start.bodies;
+  byId("surface").parentElement.title = start.bodies ? "" : "They need the package anny: pip install 'pumps[mesh]'";
   const parts = ["arms", "legs", "upper_body", "lower_body", "root", "position", ...PARTS];
   fillSelect(byId("part"), parts, parts.map((part) => part.replace("_", " ")));
   buildVerbs(edit);

@@ -1,6 +1,7 @@
 // The 3D view: a ground, the figures shown, ghosts, foot contacts, handles of pins, a path on the ground.
 import * as THREE from "./vendor/three.min.js";
 import { Figure } from "./figure.js";
+import { Surface } from "./surface.js";
 
 const REACH_M = 24;
 const CAMERAS = { free: [0.65, 0.3], front: [0, 0.08], side: [Math.PI / 2, 0.08], top: [0, 1.5] };
@@ -71,14 +72,15 @@ export class View {
       this.figures.delete(key);
     }
     for (const [key, motion, frame, single, faint, side] of wanted) {
+      const Kind = this.surfaces && motion.body && !faint ? Surface : Figure;
       let figure = this.figures.get(key);
-      if (figure && (figure.motion !== motion || figure.single !== single)) {
+      if (figure && (!(figure instanceof Kind) || figure.motion !== motion || figure.single !== single)) {
         this.scene.remove(figure.group);
         figure.dispose();
         figure = null;
       }
       if (!figure) {
-        figure = new Figure(motion, faint);
+        figure = new Kind(motion, faint);
         figure.single = single;
         figure.paint(this.colours, single && this.colours[single]);
         this.figures.set(key, figure);
