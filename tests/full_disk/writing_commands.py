@@ -238,7 +238,7 @@ WRITINGS = (
     ),
     Writing(
         "adapted", "weights adapt",
-        f"{CLIPS}/kick.bvh {CLIPS}/dance_a.bvh {CLIPS}/punch.bvh --weights {{made}}/packed --steps 1 --batch 2 "
+        f"{CLIPS}/dance_a.bvh {CLIPS}/dance_b.bvh {CLIPS}/run.bvh --weights {{made}}/packed --steps 1 --batch 2 "
         "--validate-every 1 --max-windows 2 --device cpu -o {out}",
     ),
     Writing("described.json", "inspect", f"{CLIPS}/kick.bvh -o {{out}}"),

@@ -65,10 +65,10 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     parts = hold_out([clip.motion.frames for clip in clips], models.window, config.seed)
     windows = windows_of(clips, parts, config.max_windows)
     folder = partial_folder(config.output)
-    with disk_faults_reported(folder):
-        make_own_folder(folder)
     settings = training_config(config, folder, models, start)
     try:
+        with disk_faults_reported(folder):
+            make_own_folder(folder)
         rows = write_clouds(settings.tpc, clips, parts, settings.points, config.seed)
         trained = train_on(settings, models, progress)
         weights = {
