@@ -105,7 +105,7 @@ def table(found: list[dict[str, Any]], weights: str) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("families", nargs="+")
+    parser.add_argument("families", nargs="*", help="none writes the figures of earlier calls alone")
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--steps", type=int, default=0)
     parser.add_argument("--windows", type=int, default=16, help="spans of the other half, with all tasks in each")
