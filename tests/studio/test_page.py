@@ -149,7 +149,7 @@ def test_a_walk_through_the_page(
         page.keyboard.press("g")
         until(page, "studio.plain.motion?.there > 151 && studio.timeline.data.plain")
         plain = page.evaluate("[...studio.timeline.data.plain]")
-        assert plain[60] > 20 and max(plain[30], plain[90], plain[140]) < 1
+        assert plain[60] > 20 and max(plain[30], plain[90], plain[135]) < 1
         assert page.evaluate("studio.view.figures.has('plain')")
         page.evaluate("studio.timeline.listen.seek(60)")
         picture(page, "plain")

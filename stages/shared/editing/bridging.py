@@ -25,6 +25,7 @@ from stages.shared.solve.skeleton_pose import SkeletonPose
 MOST_SECONDS = 10.0
 SHORTEST_LOOP_S, LONGEST_LOOP_S = 0.1, 1.0
 SMOOTH_SEAM = 1.2  # of the clip's usual change of velocity from frame to frame
+LAST_STEP_S = 0.2  # after a clip, in which the velocity comes from that of its last step
 _LONGER = 1.5  # a loop whose seams are not smooth is tried again so much longer
 _PACE = 1.5  # how much longer than at the clip's usual speed the way from its last to its first pose may take
 _SAME_M = 1e-3
@@ -183,7 +184,9 @@ def _bridge(
     ).motion  # fmt: skip
     # Holding feet may have brought back a part of the kinks that filling removed.
     pose = SkeletonPose.of_motion(skeleton, filled)
-    filled = ease_at_keys(pose, known, filled.fps, options.ease_s).motion(filled.fps)
+    eased = ease_at_keys(pose, known, filled.fps, options.ease_s)
+    # At a high rate, the last step of a clip differs from the velocity that was taken over several of its steps.
+    filled = ease_at_keys(eased, known, filled.fps, LAST_STEP_S, behind_s=0.0).motion(filled.fps)
     speeds = sentences_of_speed(skeleton, filled, np.flatnonzero(known), before.frames - first.frames)
     seams = _seams(skeleton, filled, (first.frames - 1, first.frames + count), (before, after))
     return filled.at(slice(first.frames, first.frames + count)), seams, tuple(speeds)

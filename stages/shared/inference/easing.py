@@ -18,7 +18,9 @@ from stages.shared.solve.skeleton_pose import SkeletonPose
 VELOCITY_S = 1 / 30  # over which the velocity on a key's known side is taken, against the noise of single frames
 
 
-def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: float) -> SkeletonPose:
+def ease_at_keys(
+    pose: SkeletonPose, known: np.ndarray, fps: float, span_s: float, behind_s: float = VELOCITY_S
+) -> SkeletonPose:
     """A filled pose without kinks at its keys.
 
     Where the frames before or after a key are known, the gap takes over their velocity; at a lone key both gaps give
@@ -27,6 +29,7 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
     Args:
         pose: all T frames of a clip. known: (T,) bool; known frames come back value for value.
         span_s: how long an offset lasts, seconds; in shorter gaps as long as the gap. 0 changes nothing.
+        behind_s: time over which the velocity on a key's known side is taken, a frame at least.
     """
     if span_s <= 0:
         return pose
@@ -34,7 +37,7 @@ def ease_at_keys(pose: SkeletonPose, known: np.ndarray, fps: float, span_s: floa
     if pose.moves:
         curves.append(pose.offsets.diff(dim=0))
     added = [torch.zeros(len(known), *steps.shape[1:], dtype=steps.dtype, device=steps.device) for steps in curves]
-    behind = max(round(VELOCITY_S * fps), 1)
+    behind = max(round(behind_s * fps), 1)
     for key, side in _gap_edges(known):
         frames = _gap_frames(known, key, side, round(span_s * fps))
         whole = len(_gap_frames(known, key, side, len(known)))

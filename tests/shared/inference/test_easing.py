@@ -44,6 +44,21 @@ def test_the_gap_goes_on_as_the_key_was_reached():
     assert torch.equal(eased.local[known], pose.local[known]) and torch.equal(eased.roots[known], pose.roots[known])
 
 
+def test_at_a_high_rate_the_gap_can_go_on_as_the_last_step():
+    """Of a body that gets faster, the mean of several steps is slower than the last one."""
+    frames, fps = 240, 120.0
+    path = np.minimum(np.arange(frames), 80) ** 2 * 1e-4
+    known = np.ones(frames, bool)
+    known[81:200] = False
+    pose = pose_of(np.stack([path, path, 0 * path], -1), path)
+    whole = ease_at_keys(pose, known, fps, 0.4)
+    eased = ease_at_keys(whole, known, fps, 0.2, behind_s=0.0)
+    jumps = [abs(np.diff(each.roots[:, 0].numpy(), n=2)[79]) for each in (pose, whole, eased)]
+    usual = abs(np.diff(path, n=2)[:79]).mean()
+    assert jumps[0] > 50 * usual and jumps[1] > 1.2 * usual and jumps[2] < 0.5 * usual
+    assert torch.equal(eased.roots[known], pose.roots[known])
+
+
 def test_a_lone_key_is_met_halfway_from_both_sides():
     frames = np.arange(41)
     path = np.abs(frames - 20) * 0.01
