@@ -75,10 +75,10 @@ def cost(clip: Path, *options: str) -> tuple[float, float]:
 def products_s(frames: int, coordinates: int) -> float:
     """CPU seconds that the products of a network over sliding windows would take, at the rate of a large product."""
     one = torch.randn(1024, 1024)
-    one @ one
+    torch.mm(one, one)
     began = time.process_time()
     for _ in range(5):
-        one @ one
+        torch.mm(one, one)
     rate = 5 * 2 * 1024**3 / (time.process_time() - began)
     weights = 2 * WINDOW * WIDTH + 2 * BLOCKS * WIDTH * INNER
     return 2 * weights * frames * coordinates / rate
