@@ -16,6 +16,7 @@ from stages.project.config import Config as ProjectConfig
 from stages.project.run import run as project
 from stages.shared.formats.bvh import read_bvh
 from stages.shared.formats.keypoint_files import read_keypoints
+from stages.shared.formats.keypoint_layouts import LAYOUTS
 from stages.shared.formats.readers import recordings_in
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.sources import source_named
@@ -23,7 +24,14 @@ from stages.shared.humanoid.landmarks import LANDMARKS, landmarks_of
 from stages.shared.kinematics.foot_contacts import find_feet, floor_levels
 from stages.shared.kinematics.forward_numpy import positions_of
 from tests.docs.pages import ROOT
-from tests.shared.formats.keypoint_files_made import openpose_frames, person
+from tests.shared.formats.keypoint_files_made import (
+    coco_results,
+    deeplabcut,
+    mediapipe,
+    mmpose_video,
+    openpose_frames,
+    person,
+)
 
 CLIPS = ROOT / "stages" / "shared" / "clips"
 OTHER_RIG = ROOT / "docs" / "examples" / "other_rig.bvh"
@@ -153,6 +161,45 @@ def test_any_rate_gives_as_many_frames(tmp_path: Path):
         report = run(Config(input=seen, output=tmp_path / f"{fps}.bvh"))
         assert report.figures["frames"] == 20
         assert _read(tmp_path / f"{fps}.bvh")[1].fps == pytest.approx(fps, rel=1e-3)
+
+
+FORMS = {
+    "two people": ("a.json", lambda rows: coco_results([rows + np.array([2, 1, 0]), rows - np.array([400, 0, 0.4])])),
+    "body25": ("frames", lambda rows: openpose_frames([rows])),
+    "mediapipe33": ("a.json", mediapipe),
+    "h36m17": ("a.npy", None),
+    "mmpose": ("a.json", lambda rows: mmpose_video(rows, "coco17")),
+    "deeplabcut": ("a.csv", lambda rows: deeplabcut({"": rows}, LAYOUTS["coco17"])),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_of_keypoints_becomes_the_motion(form: str, walk: Path, tmp_path: Path):
+    """The same walk, seen by the same camera, as each detector writes it."""
+    layout = form if form in LAYOUTS else "coco17"
+    project(ProjectConfig(input=walk, output=tmp_path / "seen.json", layout=layout, **CAMERA))
+    found = read_keypoints(str(tmp_path / "seen.json"))
+    rows = np.nan_to_num(np.concatenate([found.places, 0.9 * np.isfinite(found.places[..., :1])], axis=-1))[:10]
+    assert found.size is not None
+    name, write = FORMS[form]
+    path = tmp_path / name
+    settings: dict = {"input": path, "output": tmp_path / "made.bvh", "fps": 30.0, "fov": 55.0, "method": "turns"}
+    settings |= {"image_size": "x".join(f"{int(side)}" for side in found.size)}
+    if write is None:
+        np.save(path, rows)
+        settings["layout"] = layout
+    elif name == "frames":
+        path.mkdir()
+        for frame, data in write(rows).items():
+            (path / frame).write_bytes(data)
+    else:
+        if form == "mediapipe33":  # shares of the image
+            rows = rows * [640 / found.size[0], 480 / found.size[1], 1]
+        path.write_bytes(write(rows))
+    report = run(Config(skeleton=walk, **settings))
+    assert report.figures["frames"] == len(rows) and report.figures["layout"] in (layout, "named")
+    assert report.figures["people"] == (2 if form == "two people" else 1)
+    assert _degrees_apart(_bones(tmp_path / "made.bvh"), _bones(walk)) < 30
 
 
 def test_landmarks_in_3d_go_the_same_way(tmp_path: Path):

@@ -108,8 +108,14 @@ def _of_arrays(data: bytes, name: str) -> Detections:
         raise InputError(f"{name} has {places.shape[1]} keypoints; pumps reads at most {MOST_POINTS}.")
     points = np.ones((*places.shape[:2], 3))
     points[..., : places.shape[2]] = places
-    if scores is not None and scores.dtype.kind in "iuf" and scores.shape == places.shape[:2]:
-        points[..., 2] = scores
+    if scores is not None:
+        if scores.dtype.kind not in "iuf" or scores.size != places.shape[0] * places.shape[1]:
+            raise InputError(
+                f"{name} has keypoints of shape {places.shape[:2]} (frames, points) but confidences of shape "
+                f"{scores.shape}.",
+                "Give one confidence for each point of each frame, or leave them out.",
+            )
+        points[..., 2] = scores.reshape(places.shape[:2])
     frames = {at: [Detection(sound_points(points[at]))] for at in range(len(points))}
     if names and len(names) != places.shape[1]:
         raise InputError(f"{name} has {places.shape[1]} keypoints but {len(names)} names.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
 from pathlib import Path
@@ -148,7 +149,24 @@ def test_landmarks_of_layouts(layout: str):
     assert all(found[LANDMARKS.index(name)] for name in ("pelvis", "neck", *limbs))
 
 
+def _arrays(**arrays: np.ndarray) -> bytes:
+    made = io.BytesIO()
+    np.savez(made, **arrays)
+    return made.getvalue()
+
+
+@pytest.mark.parametrize("shape", [(FRAMES, 17), (1, FRAMES, 17), (FRAMES, 17, 1)])
+def test_confidences_of_arrays(shape: tuple[int, ...]):
+    rows = person("coco17")
+    scores = np.linspace(0.2, 0.9, FRAMES * 17)
+    found = _of(_arrays(keypoints=rows[None, ..., :2], confidences=scores.reshape(shape)))
+    np.testing.assert_allclose(found.confidences.ravel(), scores)
+
+
 BAD = {
+    "frames that differ": (
+        _arrays(keypoints=person("coco17")[..., :2], scores=np.ones((FRAMES - 1, 17))), {}, "confidences of shape",
+    ),
     "no known layout": (coco_results([person("coco17")[:, :11]]), {}, "no known layout"),
     "another layout": (FILES["coco"][0], {"layout": "body25"}, "has 17 keypoints"),
     "a layout that there is not": (FILES["coco"][0], {"layout": "coco18"}, "no keypoint layout"),
