@@ -3,7 +3,8 @@
     python benchmarks/durable_writes.py [FOLDER]
 
 Writes files and motion artefacts of several sizes into FOLDER (default: a folder for temporary files), with and
-without flushing, in turns, and prints the median seconds of each as a Markdown table.
+without flushing, in turns, and prints the median seconds of each as a Markdown table. The limit of a write is that of
+the disk: as many bytes written to one file and flushed, in the same turns.
 """
 
 from __future__ import annotations
@@ -64,11 +65,22 @@ def _seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
+def _write_at_once(path: Path, data: bytes) -> None:
+    """The same number of bytes in one file, flushed: what the disk allows."""
+    with open(path, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, help="a folder on the disk to measure")
     given = parser.parse_args().folder
-    print("| written | MB | with flushing, s | without, s | of it digests of content, s |\n|---|---:|---:|---:|---:|")
+    print(
+        "| written | MB | with flushing, s | without, s | of it digests of content, s | at the limit, s | reached |"
+    )
+    print("|---|---:|---:|---:|---:|---:|---:|")
     with tempfile.TemporaryDirectory(dir=given) as place:
         works: list[tuple[str, Callable[[], object], Path]] = []
         for size in (100_000, 10_000_000):
@@ -79,18 +91,23 @@ def main() -> None:
             name = f"a motion artefact of {clips} clip{'s' if clips > 1 else ''}"
             works.append((name, lambda path=path, motions=motions: _write_motions(path, motions), path))
         for name, work, path in works:
-            flushed, plain, digested = [], [], []
+            flushed, plain, digested, limit = [], [], [], []
             work()
+            files = [each for each in ([path] if path.is_file() else path.rglob("data-*/*.*")) if each.is_file()]
+            raw = b"".join(each.read_bytes() for each in files)
             for _ in range(TURNS):
                 flushed.append(_seconds(work))
+                limit.append(_seconds(lambda raw=raw: _write_at_once(Path(place) / "at-once", raw)))
                 with mock.patch.object(os, "fsync", lambda descriptor: None):
                     plain.append(_seconds(work))
-            files = [each for each in ([path] if path.is_file() else path.rglob("data-*/*.*")) if each.is_file()]
             if path.is_dir():
                 digested = [_seconds(lambda f=files: [content_digest(each, "motion") for each in f])]
-            size = sum(each.stat().st_size for each in files) / 1e6
             own = f"{digested[0]:.3f}" if digested else ""
-            print(f"| {name} | {size:.1f} | {median(flushed):.3f} | {median(plain):.3f} | {own} |")
+            least, spent = median(limit), median(flushed)
+            print(
+                f"| {name} | {len(raw) / 1e6:.1f} | {spent:.3f} | {median(plain):.3f} | {own} | {least:.3f} | "
+                f"{100 * least / spent:.0f} % |"
+            )
 
 
 if __name__ == "__main__":

@@ -4,7 +4,8 @@
 
 Without archives it reads the embedded clips, many times over. Steps and other libraries are in megabytes of text for
 each second of one core's CPU time, on the same files in the same run; the whole way is in wall time with all cores,
-and in CPU time with one worker.
+and in CPU time with one worker. A step's limit is the time in which what it reads and writes, once, could be copied
+in main memory.
 A file that a library cannot read counts against nobody: it is left out for all and counted. Libraries that are not
 installed are left out (`pip install -e '.[dev,bench]'` brings them).
 """
@@ -24,6 +25,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from measuring.machine import limits
 from measuring.section import replace_section
 
 from data_schemas.content_digest import content_digest
@@ -46,8 +49,8 @@ HOURS_FPS = 30.0
 SECTION = "bench-ingest"
 
 
-def steps(sources: Sequence[Source]) -> dict[str, float]:
-    """MB/s of each step alone, on about 40 MB."""
+def steps(sources: Sequence[Source]) -> tuple[dict[str, float], dict[str, float]]:
+    """MB/s of each step alone, on about 40 MB; and the share of its limit that each reaches."""
     every = max(1, int(sum(source.size for source in sources) / SAMPLE_BYTES))
     some = sources[::every]
     megabytes = sum(source.size for source in some) / 1e6
@@ -60,8 +63,21 @@ def steps(sources: Sequence[Source]) -> dict[str, float]:
     rates["quality"] = _rate(lambda: [measure_quality(s, m, positions_of(s, m)) for s, m, _ in figures], megabytes)
     with tempfile.TemporaryDirectory() as folder:
         rates["writing"] = _rate(lambda: write(figures, Path(folder)), megabytes)
-        rates["digests"] = _rate(lambda: content_digest(Path(folder) / MotionWriter.FILE, "motion"), megabytes)
-    return rates
+        stored = Path(folder) / MotionWriter.FILE
+        rates["digests"] = _rate(lambda: content_digest(stored, "motion"), megabytes)
+        written = stored.stat().st_size / 1e6
+    numbers = sum(file.values.nbytes for file in files) / 1e6
+    motions = sum(m.rotations.nbytes + m.root_positions.nbytes + m.tracks.nbytes for _, m, _ in figures) / 1e6
+    moved = {
+        "unpacking": megabytes,
+        "parsing": megabytes + numbers,
+        "poses": numbers + motions,
+        "quality": motions,
+        "writing": motions + written,
+        "digests": written,
+    }
+    copied = 1e3 * limits(torch.device("cpu"))["memory_gb_per_s"]()  # MB/s
+    return rates, {name: moved[name] * rate / megabytes / copied for name, rate in rates.items()}
 
 
 def write(figures: Sequence[tuple[Skeleton, Motion, list[str]]], folder: Path) -> None:
@@ -160,6 +176,7 @@ def measure(archive: str) -> dict[str, Any]:
     sources = [source for source in find_sources([archive]) if source.name.lower().endswith(".bvh")]
     megabytes = sum(source.size for source in sources) / 1e6
     rates, refused = compared(sources)
+    step_rates, reached = steps(sources)
     with tempfile.TemporaryDirectory() as folder:
         seconds, artefact = whole_way(archive, Path(folder))
         alone = one_worker(archive, Path(folder))
@@ -171,7 +188,8 @@ def measure(archive: str) -> dict[str, Any]:
             "archive": Path(archive).name,
             "files": len(sources),
             "megabytes": megabytes,
-            "steps": steps(sources),
+            "steps": step_rates,
+            "reached": reached,
             "compared": rates,
             "refused": refused,
             "seconds": seconds,
@@ -217,6 +235,11 @@ def table(measured: Sequence[dict[str, Any]]) -> str:
     for each in measured:
         costs = {name: 1 / each["steps"][name] for name in names}
         cells = [f"{100 * cost / sum(costs.values()):.0f} %" for cost in costs.values()]
+        lines.append("| " + " | ".join([each["archive"], *cells]) + " |")
+    lines += ["", "Shares of their limits that the steps reach (bytes read and written once, as fast as a copy):", ""]
+    lines += ["| archive | " + " | ".join(names) + " |", "|---|" + "---:|" * len(names)]
+    for each in measured:
+        cells = [f"{100 * each['reached'][name]:.1f} %" for name in names]
         lines.append("| " + " | ".join([each["archive"], *cells]) + " |")
     others = list(measured[0]["compared"])
     lines += ["", "The same files read whole, by libraries; in brackets how many of them each refused:", ""]

@@ -33,7 +33,8 @@ def rotate(values: Tensor, cosines: Tensor, sines: Tensor) -> Tensor:
     """
     first, second = values.chunk(2, dim=-1)
     cosines, sines = cosines.unsqueeze(1).to(values.dtype), sines.unsqueeze(1).to(values.dtype)
-    return torch.cat([first * cosines - second * sines, second * cosines + first * sines], dim=-1)
+    turned = torch.addcmul(first * cosines, second, sines, value=-1), torch.addcmul(second * cosines, first, sines)
+    return torch.cat(turned, dim=-1)
 
 
 def sinusoids(times: Tensor, width: int) -> Tensor:
@@ -146,8 +147,9 @@ class TimeAttention(nn.Module):
         key, value = (self._split(part) for part in held.chunk(2, dim=-1))
         if self.rotary:
             width = query.shape[-1]
-            query = rotate(query, *rotary_angles(times, width))
-            key = rotate(key, *rotary_angles(memory_times, width))
+            angles = rotary_angles(times, width)
+            query = rotate(query, *angles)
+            key = rotate(key, *(angles if memory_times is times else rotary_angles(memory_times, width)))
         mask = None if known is None else known[:, None, None, :]
         mixed = attend(query, key, value, mask).transpose(1, 2).flatten(2)
         return self.out(mixed if rows is None else rows.take(mixed))

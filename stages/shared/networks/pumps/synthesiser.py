@@ -152,18 +152,23 @@ class LatentSynthesiser(nn.Module):
         With `alone`, keys are computed at known frames only and missing frames at the others, which are all that is
         read; the result is the same.
         """
-        keys_at = missing_at = None
-        if alone:
-            keys_at, missing_at = Rows.where(known), Rows.where(~known)
-            key_inputs, missing_inputs = keys_at.take(key_inputs), missing_at.take(missing_inputs)
-        keys = self.key_layers(self.embed_key(key_inputs), times, known=known, rows=keys_at)
-        missing = self.embed_missing(missing_inputs) + self.missing_token
-        missing = self.fill_layers(
-            missing, times, memory=keys, memory_times=times, known=known, rows=missing_at, memory_rows=keys_at
-        )
-        if keys_at is None or missing_at is None:
+        if not alone:
+            keys = self.key_layers(self.embed_key(key_inputs), times, known=known)
+            missing = self.embed_missing(missing_inputs) + self.missing_token
+            missing = self.fill_layers(missing, times, memory=keys, memory_times=times, known=known)
             return torch.where(known.unsqueeze(-1), keys, missing)
-        both = keys_at._replace(index=torch.cat([keys_at.index, missing_at.index]))
+        known_at, missing_at = Rows.where(known), Rows.where(~known)
+        # Attention runs over the keys alone, as many as the sequence with the most of them has.
+        first = known.int().argsort(dim=1, descending=True, stable=True)[:, : int(known.sum(1).max())]
+        is_key, key_times = known.gather(1, first), times.gather(1, first)
+        keys_at = Rows.where(is_key)
+        keys = self.embed_key(known_at.take(key_inputs))
+        keys = self.key_layers(keys, key_times, known=is_key, rows=keys_at)
+        missing = self.embed_missing(missing_at.take(missing_inputs)) + self.missing_token
+        missing = self.fill_layers(
+            missing, times, memory=keys, memory_times=key_times, known=is_key, rows=missing_at, memory_rows=keys_at
+        )
+        both = known_at._replace(index=torch.cat([known_at.index, missing_at.index]))
         return both.put(torch.cat([keys, missing]))
 
     def refine(
