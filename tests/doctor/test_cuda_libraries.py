@@ -23,11 +23,14 @@ SIZES = {
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five packages, whose files are recorded, and not there."""
+    """Five packages, whose files are empty; their records state the sizes."""
     for name, files in SIZES.items():
         folder = tmp_path / f"{name.replace('-', '_')}-1.0.dist-info"
         folder.mkdir()
         (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        for file in files:
+            (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / file).touch()
         (folder / "RECORD").write_text("".join(f"{file},,{size}\n" for file, size in files.items()))
     monkeypatch.setattr(doctor, "distributions", lambda: distributions(path=[str(tmp_path)]))
 

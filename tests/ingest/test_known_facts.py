@@ -43,4 +43,4 @@ def test_the_catalogues_rate_holds_unless_another_is_given(
 def test_the_catalogue_states_the_licence_of_archives_that_it_knows(tmp_path: Path) -> None:
     run(Config(sources=(str(_archive(tmp_path / "reactidle.zip")),), output=tmp_path / "motion"))
     with MotionReader(tmp_path / "motion") as reader:
-        assert {row.licence for row in reader.clips} == {"MIT"}
+        assert {row.licence for row in reader.clips} == {"MIT: ReActIdle, Copyright (c) 2025 [RSAIT]"}

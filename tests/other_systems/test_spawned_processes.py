@@ -25,7 +25,7 @@ def spawned(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_ingest_is_the_same(spawned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert process_context().get_start_method() == "spawn"
     sources = (str(CLIPS / "kick.bvh"), str(CLIPS / "punch.bvh"))
-    monkeypatch.setattr("stages.ingest.reading._POOL_FROM_BYTES", 0)
+    monkeypatch.setattr("stages.shared.formats.reading._POOL_FROM_BYTES", 0)
     for name, workers in (("one", 1), ("two", 2)):
         run(Config(sources=sources, output=tmp_path / name, licence="CC0", workers=workers))
     one, two = (open_artefact(tmp_path / name).manifest.digest for name in ("one", "two"))

@@ -71,10 +71,11 @@ def test_small_blocks_give_the_motion_of_one_block(models: Models, source: str, 
         monkeypatch.setattr(decoded_clouds, "BLOCK_TOKENS", block)
         made.append(fill_motion(skeleton, motion, known, clouds, points=48))
     whole, parts = made
-    np.testing.assert_allclose(parts.motion.rotations, whole.motion.rotations, atol=1e-6, rtol=0)
-    np.testing.assert_allclose(parts.motion.root_positions, whole.motion.root_positions, atol=1e-6, rtol=0)
-    assert (parts.plain == whole.plain).all() and parts.wander_m == pytest.approx(whole.wander_m, abs=1e-6)
-    assert np.abs(whole.motion.rotations - motion.rotations)[~known].max() > 1e-6  # something was filled
+    # Blocks give batches of other sizes, whose products round otherwise.
+    np.testing.assert_allclose(parts.motion.rotations, whole.motion.rotations, atol=5e-5, rtol=0)
+    np.testing.assert_allclose(parts.motion.root_positions, whole.motion.root_positions, atol=1e-5, rtol=0)
+    assert (parts.plain == whole.plain).all() and parts.wander_m == pytest.approx(whole.wander_m, abs=1e-5)
+    assert np.abs(whole.motion.rotations - motion.rotations)[~known].max() > 1e-3  # something was filled
 
 
 def test_only_windows_in_which_a_frame_is_missing_are_computed(models: Models, monkeypatch) -> None:

@@ -154,7 +154,7 @@ def test_refusals(clouds, tmp_path, changes, error, says):
         run(config_for(clouds, tmp_path / "net", **changes))
 
 
-@pytest.mark.parametrize("preset", ["small-free", "small", "paper"])
+@pytest.mark.parametrize("preset", ["tiny", "small", "paper"])
 def test_presets_have_its_settings(preset):
     (layer,) = preset_layers(preset, "train-skeleton")
     assert layer.values["steps"] > 1000

@@ -202,9 +202,9 @@ def test_an_archive_without_weights_is_refused(fetch: Asked, cache: Path, files:
 
 
 def test_names_that_come_with_pumps_are_not_fetched(fetch: Asked, cache: Path):
-    fetch.registry.write_text(fetch.registry.read_text().replace("[walks]", "[tiny]"))
-    with pytest.raises(UsageError, match="tiny come with pumps"):
-        fetch("tiny")
+    fetch.registry.write_text(fetch.registry.read_text().replace("[walks]", "[small-free]"))
+    with pytest.raises(UsageError, match="small-free come with pumps"):
+        fetch("small-free")
 
 
 def test_a_registry_may_be_at_an_address(fetch: Asked, cache: Path):
