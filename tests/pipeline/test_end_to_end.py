@@ -147,7 +147,7 @@ def test_again_runs_no_stage(pipeline: Pipeline):
 # Lines on data that is not here, or on a run that takes an hour, are only held to be well-formed (tests/docs).
 ELSEWHERE = (
     "recordings", "runs/reproduce", "runs/mine", "runs/more", "runs/small", "runs/skeleton", "runs/asf",
-    "runs/weights", "--cluster", "--weights mine ",
+    "runs/weights", "--cluster", "--weights mine ", "weights.toml", "example.org", "--weights walks",
 )  # fmt: skip
 PAGE_LINES = [
     line for _, line in commands() if line.startswith("pumps ") and not any(word in line for word in ELSEWHERE)
