@@ -4,7 +4,7 @@
 
 A family is an archive or folder, or its recordings whose names match a pattern such as '*/29/*'. Every second one is
 given to `pumps weights adapt`; windows of the others are filled with the weights before and after, and measured as a
-share of slerp's L2P.
+share of slerp's L2P. Figures of a family that was measured before from the same weights are replaced.
 """
 
 from __future__ import annotations
@@ -52,16 +52,20 @@ def adapted(text: str, given: argparse.Namespace, folder: Path) -> dict[str, Any
     """Adapt to one half of a family, and measure before and after on the other."""
     family, mine, others = halves(text)
     output = folder / family
+    clips = read_clips(Config.model_validate({"clips": tuple(others), "output": output}), SILENT).clips
+    parts = [Part(index, 0, clip.motion.frames, held_out=True) for index, clip in enumerate(clips)]
+    windows = windows_of(clips, parts, given.windows)
+    spans, tasks = (np.array([getattr(window, name) for window in windows]) for name in ("span", "task"))
+    if len(np.unique(spans)) < 2:
+        raise UsageError(
+            f"The other half of {family} has one stretch to measure.", "Give longer recordings, or more."
+        )
+    errors = Errors(spans, tasks, slerp_errors(windows))
     settings = {"weights": given.weights, "steps": given.steps, "minutes": given.minutes, "seed": given.seed}
     began = time.process_time()
     report = run(Config.model_validate({"clips": tuple(mine), "output": output, **settings}), progress=SILENT)
     spent = time.process_time() - began
     print("\n".join(report.lines), flush=True)
-    clips = read_clips(Config.model_validate({"clips": tuple(others), "output": output}), SILENT).clips
-    parts = [Part(index, 0, clip.motion.frames, held_out=True) for index, clip in enumerate(clips)]
-    windows = windows_of(clips, parts, given.windows)
-    spans, tasks = (np.array([getattr(window, name) for window in windows]) for name in ("span", "task"))
-    errors = Errors(spans, tasks, slerp_errors(windows))
     filled = [
         measure(load_weights(source), windows, given.seed, lambda: None).as_they_are
         for source in (given.weights, output)
@@ -69,10 +73,12 @@ def adapted(text: str, given: argparse.Namespace, folder: Path) -> dict[str, Any
     gains = errors.gains(*filled)
     return {
         "family": family,
+        "weights": given.weights,
         "clips": len(mine),
         "steps": report.figures["steps"],
         "cpu_minutes": spent / 60,
         "kept": report.figures["kept"],
+        "confidence_fitted": report.figures["confidence_fitted"],
         "held_out": (report.figures["before"], report.figures["after"]),
         "ratios": [{NAMES[task]: ratio for task, ratio in errors.ratios(each).items()} for each in filled],
         "scores": [errors.score(each) for each in filled],
@@ -82,8 +88,15 @@ def adapted(text: str, given: argparse.Namespace, folder: Path) -> dict[str, Any
     }
 
 
+def tables(found: list[dict[str, Any]]) -> str:
+    """The figures as Markdown: a table for each weights at the start, with the last figures of each family."""
+    kept = {(each["family"], each["weights"]): each for each in found}
+    names = dict.fromkeys(weights for _, weights in kept)
+    return "\n\n".join(table([each for each in kept.values() if each["weights"] == name], name) for name in names)
+
+
 def table(found: list[dict[str, Any]], weights: str) -> str:
-    """The figures as Markdown."""
+    """The figures of families from some weights."""
     lines = [
         f"L2P as a share of slerp's on the half that was not adapted to, before and after `pumps weights adapt` from "
         f"`{weights}`.",
@@ -96,9 +109,10 @@ def table(found: list[dict[str, Any]], weights: str) -> str:
         cells = [f"{before[name]:.3f} → {after[name]:.3f}" if name in before else "" for name in NAMES]
         mean = " → ".join(f"{score:.3f}" for score in each["scores"])
         gain = f"{each['gain']:.3f} ± {each['standard_error']:.3f}"
+        what = f"{each['kept']}{' with its confidence fitted anew' if each['confidence_fitted'] else ''}"
         lines.append(
             f"| {each['family']} | {each['clips']} | {each['cpu_minutes']:.1f} | {' | '.join(cells)} | {mean} "
-            f"| {gain} | {each['kept']} |"
+            f"| {gain} | {what} |"
         )
     return "\n".join(lines)
 
@@ -121,7 +135,7 @@ def main() -> None:
             known.append(adapted(family, given, given.keep or Path(folder)))
             if given.figures:
                 given.figures.write_text(json.dumps(known, indent=1) + "\n")
-    text = table(known, given.weights)
+    text = tables(known)
     print(text)
     if given.page:
         replace_section(given.page, MARK, text)

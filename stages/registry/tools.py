@@ -259,7 +259,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         ("weights", "adapt"),
-        "Train weights on with your own recordings, and keep the result where it is better on a part held out.",
+        "Continue the training of weights on your own recordings; keep the result only if it is better on recordings "
+        "that are held out.",
         ("any format", "motion", "checkpoint"), "checkpoint", "pumps weights adapt recordings/ -o mine",
         arguments=("clips",), pipeline=False, target="lms/manifest.json",
     ),

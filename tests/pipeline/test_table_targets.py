@@ -13,6 +13,8 @@ import pytest
 
 from stages.measure.ae.methods import PAPER
 from stages.shared.settings.recipes import read_recipe, recipe_names
+from stages.shared.weights.shipped import shipped_weights
+from stages.shared.weights.task_weights import shipped_task_weights
 from tests.pipeline.made_runs import ROOT, Run
 
 RECIPE_OF = {
@@ -67,6 +69,17 @@ def test_the_table_has_the_papers_rows_and_ours():
 def test_settings_hold_no_names_that_stand_for_words(name: str):
     for node in read_recipe(name, data_folder="data").nodes.values():
         assert not re.search(r"\{[a-z-]+\}", repr(node.settings)), node.name
+
+
+@pytest.mark.parametrize("name", recipe_names())
+def test_weights_that_a_recipe_names_are_shipped(name: str):
+    recipe = read_recipe(name, data_folder="data")
+    shipped = {*shipped_weights(), *shipped_task_weights()}
+    for node in recipe.nodes.values():
+        for field, place in node.inputs:
+            source = place.rpartition("=")[2]
+            made = source.startswith(".") or any(f"{source}/".startswith(f"{each}/") for each in recipe.nodes)
+            assert field != "weights" or made or source in shipped, (node.name, place)
 
 
 def test_every_row_is_trained_once_and_all_are_measured_together(table: Table):

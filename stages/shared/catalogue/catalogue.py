@@ -15,7 +15,8 @@ from stages.shared.file_names import is_file_name
 from stages.shared.toml import TOMLDecodeError, toml_values
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
-_CHECKSUM = re.compile(r"sha256:[0-9a-f]{64}|md5:[0-9a-f]{32}|")
+SHA256 = re.compile(r"sha256:[0-9a-f]{64}")
+_CHECKSUM = re.compile(rf"{SHA256.pattern}|md5:[0-9a-f]{{32}}|")
 
 
 class Strict(BaseModel):

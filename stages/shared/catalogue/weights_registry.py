@@ -9,7 +9,7 @@ import requests
 from pydantic import field_validator
 
 from data_schemas.errors import InputError, PumpsError, UsageError
-from stages.shared.catalogue.catalogue import DataFile, Strict, entries_of
+from stages.shared.catalogue.catalogue import SHA256, DataFile, Strict, entries_of
 
 MOST_BYTES = 2 << 30  # of an archive of weights
 _MOST_REGISTRY_BYTES = 1 << 20
@@ -69,8 +69,7 @@ class RegisteredWeights(Strict):
 
 def checked_sha256(checksum: str) -> str:
     """The checksum. Raises ValueError where it is not "sha256:" and 64 hexadecimal digits in lower case."""
-    kind, _, digits = checksum.partition(":")
-    if kind != "sha256" or len(digits) != 64 or set(digits) - set("0123456789abcdef"):
+    if not SHA256.fullmatch(checksum):
         raise ValueError("must be sha256:<64 hex digits>")
     return checksum
 
@@ -82,8 +81,8 @@ def read_registry(place: str) -> dict[str, RegisteredWeights]:
         place: a file, or an address. Only of this machine may it be http, since whoever changes a registry on its way
             changes the checksums too.
 
-    Raises: InputError listing every fault of the registry; UsageError for an address that is not https; PumpsError
-        if the server cannot be reached.
+    Raises: InputError listing every fault of the registry; UsageError for an address that is not https, or that
+        redirects to such a one; PumpsError if the server cannot be reached.
     """
     if is_address(place):
         return entries_of(place, _downloaded(place), RegisteredWeights, "registry of weights")
@@ -99,11 +98,19 @@ def is_address(text: str) -> bool:
     return text.startswith(("http://", "https://"))
 
 
-def _downloaded(address: str) -> bytes:
-    if address.startswith("http://") and urlsplit(address).hostname not in _ON_THIS_MACHINE:
+def _check_address(address: str) -> None:
+    """Raise UsageError unless nobody can change what comes from there on its way."""
+    parts = urlsplit(address)
+    if parts.scheme != "https" and parts.hostname not in _ON_THIS_MACHINE:
         raise UsageError(f"{address} can be changed on its way, and its checksums with it.", "Give an https address.")
+
+
+def _downloaded(address: str) -> bytes:
+    _check_address(address)
     try:
         with requests.get(address, stream=True, timeout=_PATIENCE_S) as answer:
+            for each in (*answer.history, answer):
+                _check_address(each.url)
             if answer.status_code != 200:
                 raise PumpsError(f"{address} answers {answer.status_code} {answer.reason}.", "Check the address.")
             data = b""

@@ -16,23 +16,24 @@ from stages.shared.solve.solving import Corrections
 ANGLE_M = 0.1  # weight of an angle: an error of a radian counts as one of ten centimetres
 
 
-def add_gaps(sums: Sums, scene: Scene, made: Corrections, motion: Motion, used: Corrections | None = None) -> None:
+def add_gaps(scene: Scene, made: Corrections, motion: Motion, *pairs: tuple[Sums, Corrections]) -> None:
     """Compare a filled window's corrections with the ideal ones that reach the truth.
 
     Args:
-        sums: the equations that the window's gaps are added to.
         made: corrections before they are multiplied by a confidence. motion: the true window.
-        used: the corrections that are compared with the ideal ones; None for `made`.
+        pairs: equations that the window's gaps are added to, and the corrections that they compare with the
+            ideal ones.
     """
     skeleton, tokens = scene.skeleton, scene.tokens
     frames = torch.arange(motion.frames, device=scene.device).double()
     truth = pose_of_motion(skeleton, motion, scene.device).at(frames, scene.times)
     wanted = change_of(scene, truth)
-    changes = changes_by_part(scene, made if used is None else used)
-    for gap in tokens.gaps():
-        sizes = gap_sizes(tokens, gap, skeleton, made)
-        if np.isfinite(changes[:, gap]).all():
-            sums.add(sizes.length_bin, sizes.size_bins.tolist(), sizes.depth, changes[:, gap], wanted[gap])
+    sizes = [(gap, gap_sizes(tokens, gap, skeleton, made)) for gap in tokens.gaps()]
+    for sums, used in pairs:
+        changes = changes_by_part(scene, used)
+        for gap, size in sizes:
+            if np.isfinite(changes[:, gap]).all():
+                sums.add(size.length_bin, size.size_bins.tolist(), size.depth, changes[:, gap], wanted[gap])
 
 
 def change_of(scene: Scene, pose: SkeletonPose) -> np.ndarray:

@@ -83,20 +83,25 @@ class Unfinished:
     def log_folder(self) -> Path:
         return self.folder / "log"
 
+    @property
+    def begun(self) -> bool:
+        """Whether there is a checkpoint from which the training can go on."""
+        return bool(self._newest_first())
+
     def claim(self) -> None:
         """Make the folder and mark it, before anything is written into it.
 
         Raises: UsageError if a folder of this name is there that pumps did not make.
         """
         with disk_faults_reported(self.folder):
-            if any(self._checkpoints.glob("step_*/manifest.json")):
+            if self.begun:
                 mark_own_folder(self.folder)  # of an older pumps, which did not mark it
             else:
                 make_own_folder(self.folder)
 
     def release(self) -> None:
         """Remove the folder if it holds no checkpoint: such a training starts from the beginning anyway."""
-        if is_own_folder(self.folder) and not any(self._checkpoints.glob("step_*/manifest.json")):
+        if is_own_folder(self.folder) and not self.begun:
             self.forget()
 
     def keep(

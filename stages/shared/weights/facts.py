@@ -34,7 +34,7 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
     artefacts = [open_artefact(path, "checkpoint") for path in parts_of(folder)]
     kept = [read_checkpoint(each, optimiser=False) for each in artefacts]
     parts = ("autoencoder", "synthesiser")
-    name = folder.name if folder.parent in (shipped.SHIPPED, fetched_folder()) else str(name_or_path)
+    name = _name_of(folder, name_or_path)
     return {
         "name": name,
         "folder": str(folder),
@@ -75,7 +75,7 @@ def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
     rig = kept.config.get("rig")
     names = rig.get("skeleton", {}).get("names", []) if isinstance(rig, dict) else []
     return {
-        "name": folder.name if folder.parent in (shipped.SHIPPED, fetched_folder()) else str(name_or_path),
+        "name": _name_of(folder, name_or_path),
         "folder": str(folder),
         "task": str(kept.config["task"]),
         "corruption": str(kept.config.get("corruption", "")),
@@ -109,6 +109,11 @@ def verdicts(measured: list[dict[str, Any]]) -> dict[str, list[str]]:
             kind = "better" if row["high"] < 1 else "worse" if row["low"] > 1 else "alike"
             found[kind].append(f"{row['task']} {row['interval']} ({row['ratio']:.2f})")
     return found
+
+
+def _name_of(folder: Path, given: str | Path) -> str:
+    """The name of shipped and fetched weights; the path of others, as it was given."""
+    return folder.name if folder.parent in (shipped.SHIPPED, fetched_folder()) else str(given)
 
 
 def _bytes(artefact: Artefact) -> int:

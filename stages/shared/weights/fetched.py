@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+PARTS = (("ae", "lms"), ("train-ae", "train-lms"))  # folders of packed weights; of a run
+
 
 def fetched_folder() -> Path:
     """The folder that keeps fetched weights, each in a folder of its name."""
@@ -27,6 +29,5 @@ def fetched_at(name_or_path: str | Path) -> Iterator[Path]:
 
 
 def _is_weights(path: Path) -> bool:
-    return not path.name.startswith(".") and any(
-        (path / part / "manifest.json").is_file() for part in ("", "ae", "train-ae")
-    )
+    places = ("", *(ae for ae, _ in PARTS))  # the first: a checkpoint of one task
+    return not path.name.startswith(".") and any((path / each / "manifest.json").is_file() for each in places)

@@ -8,13 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from data_schemas.errors import InputError, UsageError
-from stages.shared.weights.fetched import fetched_at
+from stages.shared.weights.fetched import PARTS, fetched_at
 
 SHIPPED = Path(__file__).resolve().parent
 # The first of these that is shipped is the default: free for any use before better but non-commercial ones.
 PREFERRED = ("small-free", "small")
 WITHDRAWN = {"tiny": "small-free"}  # names of older versions, and what takes their place
-PARTS = (("ae", "lms"), ("train-ae", "train-lms"))  # of packed weights; of a run
 MEASURED_NAME = "measured.json"
 CONFIDENCE_NAME = "confidence.json"  # `stages.shared.inference.confidence`
 VARIATION_NAME = "variation.json"  # `stages.shared.inference.variation`
@@ -47,7 +46,7 @@ def weights_folder(name_or_path: str | Path) -> Path:
     if (instead := WITHDRAWN.get(str(name_or_path))) is not None:
         raise InputError(
             f"The weights {name_or_path} are no longer shipped, because a licence of their data forbids adaptations.",
-            f"Use {instead}, which has the same size and is better.",
+            f"Use {instead}, which has the same size.",
         )
     shipped = ", ".join(shipped_weights()) or "none"
     raise InputError(

@@ -50,6 +50,8 @@ def _noisy(
     mended: bool,
 ) -> tuple[Tensor, Tensor]:
     """One window: heads (T, J, 3) and rotations (T, J, 4) of all its bones, the pelvis first."""
+    if noise == NO_NOISE and not mended:
+        return heads, rotations
     above = torch.from_numpy(parents.clip(0))
     offsets = rotate(conjugate(rotations[:, above]), heads - heads[:, above])
     roots, local = heads[:, 0].numpy(), local_rotations(rotations, parents).numpy()
@@ -60,8 +62,6 @@ def _noisy(
     if mended:
         found = mend_poses(local, roots, limbs=limbs)
         roots, local = found.positions, found.local
-    elif noise == NO_NOISE:
-        return heads, rotations
     turns = global_rotations(torch.from_numpy(np.asarray(local, np.float32)), parents)
     places = joint_positions(turns, torch.from_numpy(np.asarray(roots, np.float32)), offsets, parents)
     return places, turns

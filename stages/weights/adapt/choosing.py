@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import norm, t
@@ -40,32 +41,39 @@ class Errors:
         return np.array([gains[self.spans == span].mean() for span in np.unique(self.spans)])
 
 
+class Candidate(NamedTuple):
+    """Weights that may be kept, by name, and whether their confidence was fitted anew."""
+
+    weights: str
+    fitted: bool = False
+
+
 @dataclass(frozen=True)
 class Choice:
-    """The candidate that is kept, and its gain over the start with the standard error of that, shares of slerp's
+    """The candidate that is kept, and its mean gain over the start with the standard error of that, shares of slerp's
     error; `better` is the share of the spans in which it is better."""
 
-    name: str
+    kept: Candidate
     gain: float = 0.0
     standard_error: float = 0.0
     better: float = 0.0
 
 
-def choose(measured: Errors, start: str, errors: Mapping[str, Sequence[float] | np.ndarray]) -> Choice:
-    """The best of the candidates whose gain over `start` is more than its standard error, and that are better in most
-    spans and by the score; else `start`.
+def choose(measured: Errors, start: Candidate, errors: Mapping[Candidate, Sequence[float] | np.ndarray]) -> Choice:
+    """The best of the candidates whose mean gain over `start` is more than its standard error, and that are better in
+    more than half of the spans and by the score; else `start`.
 
     Args:
         errors: candidate -> L2P of each window, metres; `start` is one of them.
     """
     before = np.asarray(errors[start])
     best = Choice(start)
-    for name, values in errors.items():
+    for candidate, values in errors.items():
         after = np.asarray(values)
-        if name == start or not np.isfinite(after).all() or measured.score(after) >= measured.score(before):
+        if candidate == start or not np.isfinite(after).all() or measured.score(after) >= measured.score(before):
             continue
         gains = measured.gains(before, after)
-        found = Choice(name, float(gains.mean()), _standard_error(gains), float((gains > 0).mean()))
+        found = Choice(candidate, float(gains.mean()), _standard_error(gains), float((gains > 0).mean()))
         if found.gain > max(found.standard_error, best.gain) and found.better > 0.5:
             best = found
     return best

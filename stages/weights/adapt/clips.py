@@ -55,7 +55,7 @@ def read_clips(config: Config, progress: Progress) -> Read:
     files = [text for text in config.clips if text not in artefacts]
     read = Read([], [])
     for path in artefacts:
-        read.clips.extend(_of_artefact(path))
+        read.clips.extend(_of_artefact(path, config.licence))
     if files:
         _add_files(read, files, config, progress)
     if not read.clips:
@@ -66,11 +66,13 @@ def read_clips(config: Config, progress: Progress) -> Read:
     return read
 
 
-def _of_artefact(path: str) -> Iterator[Clip]:
+def _of_artefact(path: str, licence: str) -> Iterator[Clip]:
+    """The clips of a motion artefact; `licence` is that of clips without one."""
     with MotionReader(open_artefact(path, "motion")) as reader:
         for row in reader.clips:
             motion = resample(reader.motion(row.clip), MODEL_FPS)
-            yield Clip(row.clip, row.source, row.sha256, row.licence, reader.skeleton(row.skeleton), motion)
+            stated = row.licence or licence
+            yield Clip(row.clip, row.source, row.sha256, stated, reader.skeleton(row.skeleton), motion)
 
 
 def _add_files(read: Read, files: Sequence[str], config: Config, progress: Progress) -> None:

@@ -13,7 +13,8 @@ OWN_LICENCE = "the recordings' own"
 
 
 class Config(WritingConfig, DeviceConfig, SeededConfig):
-    """Train weights on with your own recordings; weights that are no better on a part of them are not kept."""
+    """Continue the training of weights on your own recordings; keep the result only if it is better on
+    recordings that are held out."""
 
     clips: tuple[str, ...] = Field(
         description="Recordings of any rigs and formats: files, folders, globs, archives, FILE.zip!MEMBER; or motion "
@@ -38,4 +39,8 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
     learning_rate: float = Field(3e-4, gt=0, description="Highest learning rate.")
     batch: int = Field(8, ge=1, description="Windows per step.")
     validate_every: int = Field(50, ge=1, description="Steps between validations on the clips that are held out.")
-    max_windows: int = Field(12, ge=2, description="Most windows of the held-out clips that are filled and measured.")
+    max_windows: int = Field(
+        12,
+        ge=2,
+        description="Most stretches of the held-out clips that are measured; each is filled once for every task.",
+    )

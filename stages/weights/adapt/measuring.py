@@ -121,7 +121,7 @@ def measure(models: Models, windows: Sequence[HeldWindow], seed: int, advance: C
     halves = (Sums(), Sums())
     for window in windows:
         start, made = _solved(models, window, seed)
-        add_gaps(halves[window.half], start.scene, made, window.motion)
+        add_gaps(start.scene, made, window.motion, (halves[window.half], made))
         solved.append((window, start, made))
         advance()
     before = None if models.confidence is None else models.confidence.trust

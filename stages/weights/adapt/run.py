@@ -34,7 +34,7 @@ from stages.shared.weights.shipped import (
     parts_of,
     weights_folder,
 )
-from stages.weights.adapt.choosing import Choice, Errors, choose
+from stages.weights.adapt.choosing import Candidate, Choice, Errors, choose
 from stages.weights.adapt.clips import Read, read_clips
 from stages.weights.adapt.config import Config
 from stages.weights.adapt.holding_out import hold_out
@@ -43,11 +43,10 @@ from stages.weights.adapt.training import halved, mean_of, train_on, training_co
 from stages.weights.adapt.writing import Adapted, write_weights
 
 START, TRAINED, MEAN = "start", "trained", "mean"
-FITTED = ", confidence fitted anew"
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
-    """Train weights on with a part of the recordings, measure candidates on the rest, and write the best.
+    """Continue the training of weights on a part of the recordings, measure candidates on the rest, write the best.
 
     Candidates are the weights at the start, the trained ones and the mean of both, each with the confidence at the
     start and with one that is fitted anew. Weights that are not better than those at the start are not kept.
@@ -85,7 +84,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         _settle(made, config.output, folder)
         Unfinished(settings).forget()
     finally:
-        if not any(Unfinished(settings).folder.glob("checkpoints/step_*/manifest.json")):
+        if not Unfinished(settings).begun:
             remove_own_folder(folder)
     return _report(config, read, found, facts)
 
@@ -96,8 +95,18 @@ class _Found:
 
     choice: Choice
     errors: Errors
-    candidates: dict[str, np.ndarray]
+    candidates: dict[Candidate, np.ndarray]
     trusts: dict[str, np.ndarray]
+
+    @property
+    def before(self) -> np.ndarray:
+        """L2P of each window with the weights at the start, metres."""
+        return self.candidates[Candidate(START)]
+
+    @property
+    def after(self) -> np.ndarray:
+        """L2P of each window with the candidate that is kept, metres."""
+        return self.candidates[self.choice.kept]
 
 
 def _measured(
@@ -110,19 +119,19 @@ def _measured(
     progress: Progress,
 ) -> _Found:
     progress.start("filling held-out windows", len(weights) * len(windows))
-    candidates: dict[str, np.ndarray] = {}
+    candidates: dict[Candidate, np.ndarray] = {}
     trusts: dict[str, np.ndarray] = {}
     for name, values in weights.items():
         network = load_synthesiser(replace(start, weights=values), models.autoencoder, lms.path)
         made = measure(replace(models, synthesiser=network), windows, config.seed, progress.advance)
-        candidates |= {name: made.as_they_are, name + FITTED: made.fitted}
+        candidates |= {Candidate(name): made.as_they_are, Candidate(name, fitted=True): made.fitted}
         trusts[name] = made.trust
     errors = Errors(
         np.array([window.span for window in windows]),
         np.array([window.task for window in windows]),
         slerp_errors(windows),
     )
-    return _Found(choose(errors, START, candidates), errors, candidates, trusts)
+    return _Found(choose(errors, Candidate(START), candidates), errors, candidates, trusts)
 
 
 def _adapted(
@@ -133,16 +142,16 @@ def _adapted(
     rows: list[ClipRow],
     facts: dict[str, Any],
 ) -> Adapted:
-    name = found.choice.name
-    kept = name.removesuffix(FITTED)
+    kept, fitted = found.choice.kept
     trainings = start.trainings
     if kept != START:
         training = Training(steps=trained.step, minutes=round(trained.seconds / 60, 1), data=training_data(rows))
         trainings = (*trainings, training)
+    log = {START: start.log, TRAINED: trained.log, MEAN: []}[kept]
     return Adapted(
-        replace(start, weights=weights[kept], trainings=trainings),
-        found.trusts[kept] if name.endswith(FITTED) else None,
-        changed=name != START,
+        replace(start, weights=weights[kept], trainings=trainings, log=log),
+        found.trusts[kept] if fitted else None,
+        changed=found.choice.kept != Candidate(START),
         licences=sorted({row.licence for row in rows}),
         facts=facts,
         lines=_table(found),
@@ -155,13 +164,21 @@ def _facts(config: Config, ae: Artefact, lms: Artefact, trained: Trained, found:
     return {
         "weights": Path(config.weights).name,
         "digests": {"ae": ae.manifest.digest, "lms": lms.manifest.digest},
-        "kept": choice.name,
+        "kept": choice.kept.weights,
+        "confidence_fitted": choice.kept.fitted,
         "steps": trained.step,
         "minutes": round(trained.seconds / 60, 2),
         "held_out": {
             "spans": len(np.unique(found.errors.spans)),
             "windows": len(found.errors.tasks),
-            "scores": {name: round(found.errors.score(errors), 4) for name, errors in found.candidates.items()},
+            "scores": [
+                {
+                    "weights": each.weights,
+                    "confidence_fitted": each.fitted,
+                    "score": round(found.errors.score(errors), 4),
+                }
+                for each, errors in found.candidates.items()
+            ],
             "gain": round(choice.gain, 4),
             "standard_error": round(choice.standard_error, 4),
             "better": round(choice.better, 3),
@@ -171,8 +188,7 @@ def _facts(config: Config, ae: Artefact, lms: Artefact, trained: Trained, found:
 
 def _table(found: _Found) -> list[str]:
     """Before and after, as Markdown: L2P as a share of slerp's."""
-    before = found.errors.ratios(found.candidates[START])
-    after = found.errors.ratios(found.candidates[found.choice.name])
+    before, after = found.errors.ratios(found.before), found.errors.ratios(found.after)
     names = [f"{TASKS[task].name} {TASKS[task].interval}" for task in before]
     return [
         f"| | {' | '.join(names)} |",
@@ -208,18 +224,22 @@ def _settle(made: Path, output: Path, folder: Path) -> None:
 
 def _report(config: Config, read: Read, found: _Found, facts: dict[str, Any]) -> StageReport:
     choice, errors = found.choice, found.errors
-    before, after = (errors.score(found.candidates[name]) for name in (START, choice.name))
+    before, after = errors.score(found.before), errors.score(found.after)
     seconds = sum(clip.motion.frames for clip in read.clips) / MODEL_FPS
     windows = f"{facts['held_out']['windows']} windows of held-out recordings"
-    if choice.name == START:
+    stretches = f"{facts['held_out']['spans']} stretches"
+    if choice.kept == Candidate(START):
         outcome = (
-            f"No candidate was better than {config.weights} on {windows} by more than its standard error and in most "
-            f"of them, so {config.output} holds the weights of {config.weights} as they were."
+            f"On {windows} no candidate was better than {config.weights} by more than chance in its mean gain over the "
+            f"{stretches}, in more than half of them, and in the mean error over the tasks. So {config.output} holds "
+            f"the weights of {config.weights} as they were."
         )
     else:
+        fitted = " with the confidence fitted anew" if choice.kept.fitted else ""
         outcome = (
-            f"On {windows} the error is {after:.3f} of slerp's, and with {config.weights} {before:.3f}: a gain of "
-            f"{choice.gain:.3f} with a standard error of {choice.standard_error:.3f}. Kept: {choice.name}."
+            f"On {windows} the mean error over the tasks is {after:.3f} of slerp's, and with {config.weights} "
+            f"{before:.3f}. The mean gain over the {stretches} is {choice.gain:.3f}, its standard error (widened by "
+            f"Student's t) {choice.standard_error:.3f}. Kept: {choice.kept.weights}{fitted}."
         )
     lines = [
         f"{len(read.clips)} recordings, {seconds / 60:.1f} minutes; {facts['steps']} steps in "

@@ -44,7 +44,7 @@ def write_clouds(path: Path, clips: Sequence[Clip], parts: Sequence[Part], point
             bones, joints = bone_set(clip.skeleton, points, seed)
             motion = clip.motion.at(slice(part.start, part.stop))
             row = ClipRow(
-                clip=f"{clip.name}.{part.start}",
+                clip=f"{clip.name}.{part.clip}.{part.start}",
                 source=clip.source,
                 sha256=clip.sha256,
                 skeleton=writer.add_bones(bones),

@@ -79,7 +79,8 @@ def _same_or_packed(path: Path, ae: Artefact) -> Artefact:
 def _card(name: str, licences: Sequence[str], adapted: Adapted) -> str:
     facts = adapted.facts
     held = facts["held_out"]
-    kept = f"{facts['kept']} (start: the weights `{facts['weights']}`; mean: of those and the trained ones)"
+    fitted = " with the confidence fitted anew" if facts["confidence_fitted"] else ""
+    kept = f"{facts['kept']}{fitted} (start: the weights `{facts['weights']}`; mean: of those and the trained ones)"
     if not adapted.changed:
         kept = f"the weights of {facts['weights']} as they were, since no others were better by more than chance"
     return "\n".join(
@@ -90,7 +91,7 @@ def _card(name: str, licences: Sequence[str], adapted: Adapted) -> str:
             "",
             f"- Kept: {kept}.",
             f"- Training: {facts['steps']} steps in {facts['minutes']} minutes.",
-            f"- Last trained on: {last_sentence(adapted.synthesiser.trainings) or 'nobody says what'}.",
+            f"- Last trained on: {last_sentence(adapted.synthesiser.trainings) or 'not stated'}.",
             "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
             *[f"  - {licence}" for licence in licences or ["none stated"]],
             "",

@@ -109,7 +109,7 @@ def _card(kept: Sequence[Checkpoint], trainings: Sequence[Training], licences: S
         "# weights average: weights of pumps",
         "",
         f"- The mean of {len(kept)} checkpoints' weights (Wortsman et al. 2022).",
-        f"- Trained on: {last_sentence(kept[0].trainings) or 'nobody says what'}.",
+        f"- Trained on: {last_sentence(kept[0].trainings) or 'not stated'}.",
         "- Licences of the data, which the weights carry, apart from the code's Apache-2.0:",
         *[f"  - {licence}" for licence in licences or ["none stated"]],
         f"- Size: {count:,} parameters.",

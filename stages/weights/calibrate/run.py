@@ -57,9 +57,8 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
             row = reader.row(window.clip)
             motion = resample(reader.motion(row.clip), MODEL_FPS).at(window.span)
             scene, made = _solved(config, models, reader.skeleton(row.skeleton), motion, task.known(window.frames))
-            add_gaps(archives.setdefault(archive, Sums()), scene, made, motion)
-            floored = _with_floors(made, scene.tokens)
-            add_gaps(shrunk.setdefault(archive, Sums()), scene, made, motion, used=floored)
+            whole, floored = (each.setdefault(archive, Sums()) for each in (archives, shrunk))
+            add_gaps(scene, made, motion, (whole, made), (floored, _with_floors(made, scene.tokens)))
             progress.advance(1, row.clip)
     trust = trust_fit(archives, config.prior_windows)
     gains = {name: _gains(archives, shrunk, name, config) for name in archives}

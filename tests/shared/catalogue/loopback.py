@@ -18,6 +18,7 @@ class Behaviour:
         self.cut_after: list[int] = []  # bytes sent by the next answers before the connection closes
         self.ranges = True
         self.status = 200
+        self.redirects: list[str] = []  # where the next requests are sent instead
         self.asked: list[str | None] = []
 
 
@@ -30,6 +31,12 @@ def loopback_server(content: bytes) -> Iterator[tuple[Behaviour, str]]:
         def do_GET(self) -> None:
             wanted = self.headers.get("Range")
             behaviour.asked.append(wanted)
+            if behaviour.redirects:
+                self.send_response(302)
+                self.send_header("Location", behaviour.redirects.pop(0))
+                self.send_header("Content-Length", "0")
+                self.end_headers()
+                return
             if behaviour.status != 200:
                 self.send_error(behaviour.status)
                 return

@@ -13,11 +13,16 @@ from data_schemas.artefact import open_artefact
 from data_schemas.checkpoint import read_checkpoint
 from data_schemas.errors import InputError, UsageError
 from stages.shared.inference.models import load_weights
+from stages.shared.progress import SILENT
 from stages.shared.statistics.windows import tasks_of
+from stages.shared.weights.facts import facts_of
 from stages.weights.adapt import measuring
 from stages.weights.adapt import run as adapt
-from stages.weights.adapt.choosing import Choice
+from stages.weights.adapt.choosing import Candidate, Choice
+from stages.weights.adapt.clips import read_clips
 from stages.weights.adapt.config import Config
+from stages.weights.adapt.holding_out import Part
+from stages.weights.adapt.training import write_clouds
 from tests.shared.formats.bvh_texts import BvhText
 from tests.shared.inference.examples import write_random_weights
 
@@ -50,12 +55,13 @@ def _config(recordings: Path, weights: Path, output: Path, **settings: Any) -> C
     return Config(**{"clips": (str(recordings),), "weights": str(weights), "output": output, **small, **settings})
 
 
-def _choosing(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setattr(adapt, "choose", lambda measured, start, errors: Choice(name, 0.1, 0.05, 1.0))
+def _choosing(monkeypatch: pytest.MonkeyPatch, name: str, *, fitted: bool = False) -> None:
+    kept = Candidate(name, fitted)
+    monkeypatch.setattr(adapt, "choose", lambda measured, start, errors: Choice(kept, 0.1, 0.05, 1.0))
 
 
 def test_trained_weights_are_written_with_what_they_are(recordings, weights, tmp_path, monkeypatch):
-    _choosing(monkeypatch, adapt.TRAINED + adapt.FITTED)
+    _choosing(monkeypatch, adapt.TRAINED, fitted=True)
     report = adapt.run(_config(recordings, weights, tmp_path / "mine"))
     models = load_weights(tmp_path / "mine", "cpu")
     assert models.confidence is not None and "the recordings' own" in models.licences
@@ -65,7 +71,11 @@ def test_trained_weights_are_written_with_what_they_are(recordings, weights, tmp
     assert len(kept.trainings) == len(start.trainings) + 1 and kept.trainings[-1].steps == 2
     facts = kept.config["adapted_from"]
     assert facts["digests"]["lms"] == open_artefact(weights / "lms").manifest.digest
-    assert {"start", "trained", "mean"} <= facts["held_out"]["scores"].keys()
+    assert facts["kept"] == "trained" and facts["confidence_fitted"] is True
+    measured = [(each["weights"], each["confidence_fitted"]) for each in facts["held_out"]["scores"]]
+    assert sorted(measured) == [(name, fitted) for name in ("mean", "start", "trained") for fitted in (False, True)]
+    assert facts_of(tmp_path / "mine")["validation"]["synthesiser"]["step"] in (1, 2)
+    assert "Kept: trained with the confidence fitted anew" in (tmp_path / "mine" / "MODEL_CARD.md").read_text()
     assert any("torn.bvh" in line for line in report.lines)
     assert not (tmp_path / "mine.partial").exists()
 
@@ -139,9 +149,26 @@ def test_recordings_that_cannot_be_used_are_one_sentence(frames: int, sentence: 
 def test_motions_in_python_are_recordings_too(recordings, weights, tmp_path, monkeypatch):
     _choosing(monkeypatch, adapt.MEAN)
     motions = [pumps.load(recordings / f"walk_{seed}.bvh") for seed in range(3)]
-    found = pumps.adapt(motions, tmp_path / "mine", weights=weights, steps=1, device="cpu")
-    assert found["kept"] == adapt.MEAN and found["steps"] == 1
+    found = pumps.adapt(
+        motions, tmp_path / "mine", weights=weights, steps=1, device="cpu", licence="walks, mine alone"
+    )
+    assert found["kept"] == adapt.MEAN and found["confidence_fitted"] is False and found["steps"] == 1
+    assert "walks, mine alone" in open_artefact(tmp_path / "mine" / "lms").manifest.licences
+    assert facts_of(tmp_path / "mine")["validation"]["synthesiser"] == {}  # nobody validated the mean
     filled = pumps.infill(motions[0], keyframes="every:30", weights=tmp_path / "mine")
     assert filled.frames == 100
     with pytest.raises(UsageError, match="mixes motions with names"):
         pumps.adapt([motions[0], "walk.bvh"], tmp_path / "other")
+    with pytest.raises(InputError, match="The longest recording has"):
+        pumps.adapt(motions[0], tmp_path / "other")
+
+
+def test_recordings_of_one_name_are_told_apart(recordings, weights, tmp_path):
+    motion = pumps.load(recordings / "walk_0.bvh")
+    for folder in ("one", "two"):
+        pumps.write_clips([motion], tmp_path / folder)
+    config = _config(recordings, weights, tmp_path / "mine", clips=(str(tmp_path / "one"), str(tmp_path / "two")))
+    clips = read_clips(config, SILENT).clips
+    rows = write_clouds(tmp_path / "tpc", clips, [Part(0, 0, 100), Part(1, 0, 100, held_out=True)], 32, 0)
+    assert len({row.clip for row in rows}) == 2
+    assert {row.licence for row in rows} == {"the recordings' own"}

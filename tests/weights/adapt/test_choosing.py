@@ -6,7 +6,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stages.weights.adapt.choosing import Errors, choose
+from stages.weights.adapt.choosing import Candidate, Errors, choose
+
+START = Candidate("start")
+FITTED = Candidate("start", fitted=True)
+TRAINED = Candidate("trained")
 
 
 def _errors(spans: int, tasks: int = 3) -> Errors:
@@ -18,35 +22,36 @@ def _errors(spans: int, tasks: int = 3) -> Errors:
 def test_what_is_kept_is_never_worse(seed: int, spans: int, shift: float):
     measured, rng = _errors(spans), np.random.default_rng(seed)
     start = rng.uniform(0.5, 1, 3 * spans)
-    candidates = {"start": start} | {str(n): start + shift + rng.normal(0, 0.2, 3 * spans) for n in range(4)}
-    kept = choose(measured, "start", candidates)
-    assert measured.score(np.asarray(candidates[kept.name])) <= measured.score(start)
-    if kept.name != "start":
-        assert kept.gain > kept.standard_error and kept.better > 0.5
+    others = [FITTED, TRAINED, Candidate("trained", fitted=True), Candidate("mean")]
+    candidates = {START: start} | {each: start + shift + rng.normal(0, 0.2, 3 * spans) for each in others}
+    found = choose(measured, START, candidates)
+    assert measured.score(np.asarray(candidates[found.kept])) <= measured.score(start)
+    if found.kept != START:
+        assert found.gain > found.standard_error and found.better > 0.5
 
 
 def test_the_best_of_those_that_are_better_everywhere_is_kept():
     start = np.linspace(0.6, 0.9, 12)
-    found = choose(_errors(4), "start", {"start": start, "good": start - 0.05, "better": start - 0.1})
-    assert found.name == "better" and abs(found.gain - 0.1) < 1e-9 and found.better == 1
+    found = choose(_errors(4), START, {START: start, TRAINED: start - 0.05, FITTED: start - 0.1})
+    assert found.kept == FITTED and abs(found.gain - 0.1) < 1e-9 and found.better == 1
 
 
 def test_a_gain_from_one_span_alone_is_chance():
     start = np.full(12, 0.8)
     lucky = start.copy()
     lucky[:3] -= 0.5
-    assert choose(_errors(4), "start", {"start": start, "lucky": lucky}).name == "start"
+    assert choose(_errors(4), START, {START: start, TRAINED: lucky}).kept == START
 
 
 def test_fills_that_are_no_numbers_are_not_kept():
     start = np.full(12, 0.8)
-    assert choose(_errors(4), "start", {"start": start, "broken": np.full(12, np.nan)}).name == "start"
+    assert choose(_errors(4), START, {START: start, TRAINED: np.full(12, np.nan)}).kept == START
 
 
 def test_two_spans_must_agree_more_closely_than_many():
-    def kept(spans: int) -> str:
+    def kept(spans: int) -> Candidate:
         gains = np.where(np.arange(3 * spans) // 3 % 2, 0.01, 0.1)
         start = np.full(3 * spans, 0.8)
-        return choose(_errors(spans), "start", {"start": start, "other": start - gains}).name
+        return choose(_errors(spans), START, {START: start, TRAINED: start - gains}).kept
 
-    assert kept(2) == "start" and kept(8) == "other"
+    assert kept(2) == START and kept(8) == TRAINED

@@ -219,6 +219,20 @@ def test_a_registry_may_be_at_an_address(fetch: Asked, cache: Path):
         fetch("runs")
 
 
+def test_a_registry_is_not_read_from_where_it_can_be_changed_on_its_way(fetch: Asked, monkeypatch):
+    monkeypatch.setattr("stages.shared.catalogue.weights_registry._ON_THIS_MACHINE", ("127.0.0.1",))
+    with loopback_server(fetch.registry.read_bytes()) as (behaviour, address):
+        behaviour.redirects = [f"{address}/moved.toml"]
+        assert list(read_registry(f"{address}/weights.toml")) == ["walks"]
+        other = address.replace("127.0.0.1", "localhost")
+        behaviour.redirects = [f"{other}/moved.toml"]
+        with pytest.raises(UsageError, match=r"localhost:\d+/moved\.toml can be changed on its way"):
+            read_registry(f"{address}/weights.toml")
+        behaviour.redirects = [f"{other}/moved.toml", f"{address}/weights.toml"]
+        with pytest.raises(UsageError, match="can be changed on its way"):
+            read_registry(f"{address}/weights.toml")
+
+
 def test_a_registry_of_any_length_is_not_read(fetch: Asked):
     with loopback_server(b"#" * (2 << 20)) as (_, address), pytest.raises(InputError, match="more than"):
         read_registry(f"{address}/weights.toml")
