@@ -28,8 +28,8 @@ def adapt(
     device: str = "auto",
     overwrite: bool = False,
 ) -> dict[str, Any]:
-    """Continue the training of weights on your own recordings, as `pumps weights adapt` does; keep the result only if it
-    is better on recordings that are held out.
+    """Continue the training of weights on your own recordings, as `pumps weights adapt` does; keep the result only if
+    it is better on recordings that are held out.
 
     Args:
         clips: files, folders, patterns, archives or motion artefacts; or motions. One alone needs no list.
