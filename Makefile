@@ -27,7 +27,7 @@
 #                  on (docs/pretraining.md). INITIAL=, AE=: weights to start from; ROUNDS=: trainings in rounds; CALIBRATE=:
 #                  further recordings for the trust in them; TRAIN_FLAGS='--workers 8'. Parts: pretrain-data, -measure, -bundle TO=
 # make lifter      trains the network that `pumps estimate` uses by default, on free archives; SLICE=9, INITIAL=
-# make gallery | first-animation | first-picture  clips filled by GALLERY_WEIGHTS=small, three rigs by ANIMATED='small-free mine', one gap by PICTURED=
+# make gallery | first-animation | first-picture  a page of clips, an SVG of three rigs, a picture of one gap, filled by GALLERY_WEIGHTS=small, by each of ANIMATED='small-free mine', by each of PICTURED='small-free small'
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py

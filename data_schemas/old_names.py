@@ -19,5 +19,9 @@ def tell_old_name(old: str, new: str, *, stacklevel: int = 2) -> None:
     """
     if (old, new) not in _told:
         _told.add((old, new))
-        message = f"{old} is now {new}; the old name goes in the next minor version."
-        warnings.warn(message, OldName, stacklevel=stacklevel + 1)
+        warnings.warn(old_name_told(old, new), OldName, stacklevel=stacklevel + 1)
+
+
+def old_name_told(old: str, new: str) -> str:
+    """The sentence that a user reads."""
+    return f"{old} is now {new}; the old name goes in the next minor version."

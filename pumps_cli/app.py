@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from data_schemas.old_names import old_name_told
 from data_schemas.version import PUMPS_VERSION
 from pumps_cli.help_page import HelpCommand, HelpGroup
 from pumps_cli.terminal import say_aside, write_any_text
@@ -62,7 +63,7 @@ def _today(given: list[str]) -> list[str]:
         return given
     words = stage_named(OLD_NAMES[given[at]]).command
     new = " ".join(words)
-    say_aside(f"`pumps {given[at]}` is now `pumps {new}`; the old word goes in the next version.")
+    say_aside(old_name_told(f"`pumps {given[at]}`", f"`pumps {new}`"))
     return [*given[:at], *words, *given[at + 1 :]]
 
 

@@ -45,8 +45,8 @@ def errors_reported(manner: Manner, command: str) -> Iterator[None]:
         with interrupts_raised(), warnings.catch_warnings():
             if not manner.debug:
                 warnings.simplefilter("ignore")  # libraries' warnings for programmers
-                warnings.simplefilter("always", OldName)
                 warnings.showwarning = _show_old_name
+            warnings.simplefilter("always", OldName)
             yield
     except PumpsError as error:
         _fail(manner, error.message, error.hint, error.exit_code)

@@ -1,17 +1,45 @@
-"""What holds for all tests: Python processes that share their imports, no browser that opens, and at the end how many
-damaged files the readers were given."""
+"""What holds for all tests: the command run in this process, Python processes that share their imports, no browser
+that opens, and at the end how many damaged files the readers were given."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import pytest
 
 from tests.forked_processes import forked_python
 
 os.environ["BROWSER"] = "true"  # commands that open a page start this program of no effect
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def pumps(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Ran]:
+    """`pumps("train", "ae", ...)` runs it and gives exit code, stdout and stderr."""
+    from pumps_cli.app import main  # most tests run no command
+
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "dumb")
+
+    def run(*words: object) -> Ran:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as leaving:
+            main([str(word) for word in words])
+        shown = capsys.readouterr()
+        return Ran(int(leaving.value.code or 0), shown.out, shown.err)
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -28,7 +28,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     lines += [f"{name:8} {found or 'MISSING: install pumps again'}" for name, found in packages.items()]
     lines.append(f"device   {device['name']}, {device['precision']}")
     unused = _unused_cuda()
-    lines += [f"cuda     {advice(unused)}"] if unused else []
+    lines += [f"cuda     {advice(unused)}"] if unused and unused.bytes else []
     lines += [f"weights  {each['name']}: {each['says']}" for each in weights] or ["weights  none are shipped"]
     figures = {"pumps": PUMPS_VERSION, "python": python, "packages": packages, "device": device, "weights": weights,
                "unused_cuda_bytes": unused.bytes if unused else 0}  # fmt: skip

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stages.report.side_views import ground_of, points_of, shown_gap, side_view
-from stages.report.strips import MILLIMETRES, PAPER
+from stages.report.side_views import distance_note, frames_at, ground_of, points_of, shown_gap, side_view
+from stages.report.strips import PAPER
 from stages.shared.markup import Markup, joined, markup
 
 LABEL, CELL, HEIGHT, HEAD, GAP = 172, 178, 176, 30, 16
@@ -32,12 +32,15 @@ class _Row:
 
     places: for each motion, the truth first, (T, N, 2) tenths of a pixel around the cell's ground.
     travelled: (T,) tenths of a pixel, the truth's way along the ground. scale: tenths of a pixel in a metre.
+    gap: the frames at the ends of the gap that is shown where nothing may move. number: of the row.
     """
 
+    number: int
     scene: dict
     places: list[np.ndarray]
     travelled: np.ndarray
     scale: float
+    gap: tuple[int, int]
 
     @property
     def seconds(self) -> float:
@@ -70,15 +73,17 @@ def animation_svg(scenes: Sequence[dict]) -> Markup:
                 " grey: {}</text>",
                 PAPER.note, PAPER.key, truth,
             ),
-            *(_row_svg(_row(scene), HEAD + number * (HEIGHT + GAP)) for number, scene in enumerate(scenes)),
+            *(_row_svg(_row(number, scene), HEAD + number * (HEIGHT + GAP)) for number, scene in enumerate(scenes)),
             markup("</svg>\n"),
         ],
         "\n",
     )  # fmt: skip
 
 
-def _row(scene: dict) -> _Row:
-    points = [_at_frames_of(scene["motions"][0], motion) for motion in scene["motions"]]
+def _row(number: int, scene: dict) -> _Row:
+    truth = scene["motions"][0]
+    frames = np.arange(truth["frames"])
+    points = [points_of(motion)[frames_at(truth, motion, frames)] for motion in scene["motions"]]
     root = scene["motions"][0]["root"]
     view, ground = side_view(points[0], root), ground_of(points[0], root)
     flat = [(each - ground) @ view for each in points]
@@ -86,13 +91,10 @@ def _row(scene: dict) -> _Row:
     wide = 2 * max(np.abs(each[..., 0]).max() for each in flat)
     scale = SHARPNESS * min((HEIGHT - BELOW - ABOVE) / max(tall, 0.1), 0.96 * CELL / max(wide, 0.1))
     places = [(each - [0.0, scene["floor"]]) * [scale, -scale] for each in flat]
-    return _Row(scene, [each.round().astype(int) for each in places], scale * (ground[:, 0] @ view[:, 0]), scale)
-
-
-def _at_frames_of(truth: dict, motion: dict) -> np.ndarray:
-    """(T, N, 3) points of a motion at the frames of the truth."""
-    frames = (np.arange(truth["frames"]) / truth["fps"] * motion["fps"]).round().astype(int)
-    return points_of(motion)[np.clip(frames, 0, motion["frames"] - 1)]
+    return _Row(
+        number, scene, [each.round().astype(int) for each in places], scale * (ground[:, 0] @ view[:, 0]), scale,
+        shown_gap(points[0], scene["keys"]),
+    )  # fmt: skip
 
 
 def _row_svg(row: _Row, top: int) -> Markup:
@@ -105,21 +107,13 @@ def _row_svg(row: _Row, top: int) -> Markup:
     given = f"{len(row.keys)} of {truth['frames']} frames given"
     parts.append(markup('<text x="8" y="{}" fill="{}" font-size="11">{}</text>', top + 92, PAPER.key, given))
     parts.append(_cell(row, LABEL, base, _keys_svg(row), "keys", PAPER.key))
+    missing = np.setdiff1d(np.arange(truth["frames"]), row.keys)
     for column, motion in enumerate(others):
         colour = PAPER.methods[column % len(PAPER.methods)]
-        figures = joined([_motion_svg(row, 0, PAPER.truth, 4.5), _motion_svg(row, column + 1, colour, 2.2)])
-        note = motion["name"] + _apart(truth, motion, row.keys)
+        figures = joined([_truth_svg(row, drawn=column > 0), _motion_svg(row, column + 1, colour, 2.2)])
+        note = distance_note(truth, motion, missing)
         parts.append(_cell(row, LABEL + (column + 1) * CELL, base, figures, note, colour))
     return joined(parts)
-
-
-def _apart(truth: dict, motion: dict, keys: Sequence[int]) -> str:
-    """How far the drawn points are from the truth's where these are not known, in words."""
-    true, made = points_of(truth), points_of(motion)
-    missing = np.setdiff1d(np.arange(len(true)), keys)
-    if made.shape != true.shape or not len(missing):
-        return ""
-    return f": {MILLIMETRES * np.linalg.norm(made - true, axis=-1)[missing].mean():.0f} mm from {truth['name']}"
 
 
 def _cell(row: _Row, left: int, base: int, figures: Markup, note: str, colour: str) -> Markup:
@@ -157,10 +151,17 @@ def _timeline(row: _Row, left: float, right: float, at: float) -> Markup:
     ])  # fmt: skip
 
 
+def _truth_svg(row: _Row, *, drawn: bool) -> Markup:
+    """The truth of a row: written in the first cell that has it, and repeated by its name in the others."""
+    if drawn:
+        return markup('<use href="#truth-{}"/>', row.number)
+    return markup('<g id="truth-{}">{}</g>', row.number, _motion_svg(row, 0, PAPER.truth, 4.5))
+
+
 def _motion_svg(row: _Row, which: int, colour: str, thick: float) -> Markup:
     """A motion that plays, and the pose in the middle of the gap that is shown where nothing may move."""
     edges, places = row.scene["motions"][which]["edges"], row.places[which]
-    first, last = _gap(row)
+    first, last = row.gap
     stroke = markup('stroke="{}" stroke-width="{}"', colour, thick * SHARPNESS)
     ball = markup('stroke="{}" stroke-width="{:.0f}"', colour, 0.17 * row.scale)
     bones = [_bones(edges, pose) for pose in places]
@@ -179,17 +180,13 @@ def _keys_svg(row: _Row) -> Markup:
     stroke = markup('stroke="{}" stroke-width="{}"', PAPER.key, 2.2 * SHARPNESS)
     ball = markup('stroke="{}" stroke-width="{:.0f}"', PAPER.key, 0.17 * row.scale)
     bones, heads = ({key: draw(edges, row.places[0][key]) for key in keys} for draw in (_bones, _head))
-    stills = [key for key in _gap(row) if key in bones]
+    stills = [key for key in row.gap if key in bones]
     return joined([
         markup('<g class="moving"><path {}>{}</path><path {}>{}</path></g>', stroke,
                _played(row, [*bones.values()], keys), ball, _played(row, [*heads.values()], keys)),
         markup('<g class="still"><path {} d="{}"/><path {} d="{}"/></g>', stroke,
                "".join(bones[key] for key in stills), ball, "".join(heads[key] for key in stills)),
     ])  # fmt: skip
-
-
-def _gap(row: _Row) -> tuple[int, int]:
-    return shown_gap(points_of(row.scene["motions"][0]), row.keys)
 
 
 def _played(row: _Row, outlines: Sequence[str], keys: Sequence[int] | None = None) -> Markup:

@@ -29,8 +29,8 @@ class Config(WritingConfig):
     )
     samples: tuple[str, ...] = Field(
         (),
-        description="BVH of one of several fills (`pumps infill --samples`), or a pattern such as 'tries-*.bvh': they"
-        " are played over each other, and drawn by how far they are from each other.",
+        description="BVH of one of several fills (`pumps infill --samples`), or a pattern such as 'tries-*.bvh'. The"
+        " page plays the fills over each other and charts their distances by frame.",
     )
     truth: Path | None = Field(None, description="BVH of the true motion of --samples.")
     keyframes: str = Field("every:15", description="Which frames of the motions were known.")

@@ -28,7 +28,7 @@ TITLE = "Several fills"
 LEGEND = (
     "Distances are means over the body's joints, in millimetres; in the table also over the frames between keys. "
     "Where the truth is farther from the fills' mean than the fills are, the fills do not reach it. A "
-    "fill with less jerk than the truth is too smooth; one with more shakes."
+    "fill with less jerk than the truth is too smooth; a fill with more jerk than the truth shakes."
 )
 _MILLIMETRES = 1000.0
 _CLEAR = 0.08  # share of the axis that a tick keeps from its ends

@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+MILLIMETRES = 1000.0
+
 
 def shown_gap(points: np.ndarray, keys: Sequence[int]) -> tuple[int, int]:
     """The pair of neighbouring keys between which points (T, N, 3) travel furthest, a frame at least between them."""
@@ -22,6 +24,21 @@ def points_of(motion: dict) -> np.ndarray:
     """(T, N, 3) metres of a packed motion."""
     raw = np.frombuffer(base64.b64decode(motion["points"]), "<i2").astype(np.float64)
     return raw.reshape(motion["frames"], motion["nodes"], 3) * motion["scale"]
+
+
+def frames_at(truth: dict, motion: dict, frames: np.ndarray) -> np.ndarray:
+    """The frames of a motion, which may have another rate, at the times of these frames of the truth."""
+    return np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
+
+
+def distance_note(truth: dict, motion: dict, frames: Sequence[int] | np.ndarray) -> str:
+    """ "NAME: N mm from TRUTH", a mean over these frames; the name alone where the points are others, or no frame is
+    given."""
+    true, made = points_of(truth), points_of(motion)
+    if made.shape != true.shape or not len(frames):
+        return motion["name"]
+    apart = np.linalg.norm(made[frames] - true[frames], axis=-1).mean()
+    return f"{motion['name']}: {MILLIMETRES * apart:.0f} mm from {truth['name']}"
 
 
 def ground_of(points: np.ndarray, root: int) -> np.ndarray:

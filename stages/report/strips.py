@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stages.report.line_charts import method_colour
-from stages.report.side_views import ground_of, points_of, shown_gap, side_view
+from stages.report.side_views import distance_note, frames_at, ground_of, points_of, shown_gap, side_view
 from stages.shared.markup import Markup, joined, markup
 
 POSES = 7
@@ -44,7 +44,6 @@ PAGE = Palette(  # of a picture in a page, which may be light or dark
     "var(--rule)",
     "var(--text)",
 )
-MILLIMETRES = 1000.0
 
 
 def strips_svg(scenes: Sequence[dict], palette: Palette = PAPER) -> Markup:
@@ -102,7 +101,7 @@ def _scene(scene: dict, top: int, *, stacked: bool, palette: Palette) -> list[Ma
         left = LABEL + (0 if stacked else column * (POSES * CELL + GAP))
         base = top + HEIGHT - 18 + (column * (HEIGHT + GAP) if stacked else 0)
         made, colour = points_of(motion), palette.methods[column % len(palette.methods)]
-        moments = np.clip((frames / truth["fps"] * motion["fps"]).round().astype(int), 0, motion["frames"] - 1)
+        moments = frames_at(truth, motion, frames)
         parts.append(markup('<path d="M{} {}H{}" stroke="{}"/>', left, base, left + POSES * CELL, palette.ground))
         for pose, (frame, moment) in enumerate(zip(frames, moments, strict=True)):
             middle = left + (pose + 0.5) * CELL
@@ -115,10 +114,7 @@ def _scene(scene: dict, top: int, *, stacked: bool, palette: Palette) -> list[Ma
                 flat = (points - away) @ view
                 places = np.stack([middle + scale * flat[:, 0], base - scale * (flat[:, 1] - floor)], axis=1)
                 parts.append(_pose_svg(data["edges"], places, stroke, thick, 0.09 * scale))
-        note = motion["name"]
-        if made.shape == true.shape:
-            apart = np.linalg.norm(made - true, axis=-1)[first + 1 : last].mean()
-            note += f": {MILLIMETRES * apart:.0f} mm from {truth['name']}"
+        note = distance_note(truth, motion, np.arange(first + 1, last))
         parts.append(
             markup('<text x="{}" y="{}" fill="{}" font-size="11">{}</text>', left + 4, base + 14, colour, note)
         )

@@ -5,18 +5,19 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import pumps
-from pumps_cli.app import main
 from stages.edit.mirror.config import Config as MirrorConfig
 from stages.edit.mirror.run import run as mirror
 from stages.shared.clips import __file__ as CLIPS_PACKAGE
 from stages.shared.settings.presets import file_layer
 from stages.shared.settings.recipes import read_recipe
 from stages.shared.toml import toml_values
+from tests.conftest import Ran
 
 CLIPS = Path(CLIPS_PACKAGE).parent
 PLACES = {
@@ -27,24 +28,21 @@ PLACES = {
 }
 
 
-def pumps_command(*words: object) -> None:
-    with pytest.raises(SystemExit) as leaving:
-        main([str(word) for word in words])
-    assert not leaving.value.code
-
-
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
-def test_commands_read_and_write_at_such_paths(place: str, tmp_path: Path):
+def test_commands_read_and_write_at_such_paths(place: str, tmp_path: Path, pumps: Callable[..., Ran]):
+    def run(*words: object) -> None:
+        assert pumps(*words).code == 0
+
     source, plain = tmp_path / f"{place}.bvh", tmp_path / "plain.bvh"
     source.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(CLIPS / "kick.bvh", source)
     output = source.parent / "of it" / source.name
-    pumps_command("edit", "mirror", source, "-o", output)
-    pumps_command("edit", "mirror", CLIPS / "kick.bvh", "-o", plain)
+    run("edit", "mirror", source, "-o", output)
+    run("edit", "mirror", CLIPS / "kick.bvh", "-o", plain)
     assert output.read_bytes() == plain.read_bytes()
-    pumps_command("ingest", "auto", source, "-o", source.parent / "its motion", "--licence", "CC0", "--workers", "1")
-    pumps_command("artefact", "verify", source.parent / "its motion")
-    pumps_command("run", "--source", source.parent, "--run", source.parent / "its run", "--dry-run")
+    run("ingest", "auto", source, "-o", source.parent / "its motion", "--licence", "CC0", "--workers", "1")
+    run("artefact", "verify", source.parent / "its motion")
+    run("run", "--source", source.parent, "--run", source.parent / "its run", "--dry-run")
 
 
 def test_names_that_differ_by_case_alone_have_outputs_that_do_not(tmp_path: Path):

@@ -61,7 +61,7 @@ def test_help_names_every_command(pumps):
 def test_an_old_word_still_works_says_so_and_is_in_no_help(pumps, recorder: Recorder, old: str):
     new = " ".join(stage_named(OLD_NAMES[old]).command)
     assert not any(line.strip(" │").startswith(f"{old} ") for line in pumps("--help").out.splitlines())
-    told = f"`pumps {old}` is now `pumps {new}`; the old word goes in the next version.\n"
+    told = f"`pumps {old}` is now `pumps {new}`; the old name goes in the next minor version.\n"
     ran = pumps(old, "--help")
     assert ran.code == 0 and ran.err == told and f"pumps {new}" in ran.out
     assert pumps(*new.split(), "--help").err == ""

@@ -27,6 +27,20 @@ def test_a_command_prints_one_line_of_an_old_table(settings: Path, pumps, tmp_pa
     assert line not in pumps(*map(str, words)).err
 
 
+def test_a_command_that_shows_tracebacks_tells_them_too(settings: Path, pumps, tmp_path: Path):
+    words = ("data", "pick", "--config", settings, "--motion", tmp_path / "none", "-o", tmp_path / "out", "--debug")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("ignore")
+        pumps(*words)
+    assert [each.category for each in told] == [old_names.OldName]
+
+
+def test_an_old_stage_of_set_is_told(settings: Path, pumps, tmp_path: Path):
+    ran = pumps("config", "write", "--preset", "tiny", "--run", tmp_path / "run", "--set", "pick-clips.count=1")
+    line = "The stage pick-clips of --set is now data-pick; the old name goes in the next minor version."
+    assert ran.err.splitlines().count(line) == 1
+
+
 def test_python_warns_once(settings: Path):
     with pytest.warns(DeprecationWarning, match=r"\[data-pick\]"):
         assert file_layer(settings, "data-pick").values == {"count": 1}

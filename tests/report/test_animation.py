@@ -76,6 +76,17 @@ def test_readers_who_asked_for_less_motion_see_a_pose_between_two_keys() -> None
     assert not loose
 
 
+def test_the_truth_of_a_row_is_written_once_and_stands_in_every_cell() -> None:
+    three = scene()
+    three["motions"].append(three["motions"][1] | {"name": "another"})
+    root = ElementTree.fromstring(svg := animation_svg([three, scene(), three]))
+    assert len(outlines(svg)) == 4 + 3 + 4  # keys, the truth and the others of each row
+    svg_name = "{http://www.w3.org/2000/svg}"
+    cells = [each for each in root.iter(f"{svg_name}g") if each.get("transform") and not each.find(f"{svg_name}g/g")]
+    truths = [cell[0].get("id") or cell[0].get("href") for cell in cells if cell[0].get("class") != "moving"]
+    assert truths == ["truth-0", "#truth-0", "truth-1", "truth-2", "#truth-2"]
+
+
 def test_the_note_says_how_far_the_missing_frames_are_from_the_truth() -> None:
     texts = "".join(ElementTree.fromstring(animation_svg([scene(offset=0.25)])).itertext())
     assert "it: 250 mm from truth" in texts and "<odd>" in texts and "2 of 31 frames given" in texts

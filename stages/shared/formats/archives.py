@@ -154,6 +154,11 @@ class _Unpacked(io.RawIOBase):
         self._limit = packed if archive.lower().endswith(".tar") else max(_RATIO_COUNTS_FROM, MAX_RATIO * packed)
         self._archive = archive
 
+    def close(self) -> None:
+        if hasattr(self, "_file"):  # it was opened
+            self._file.close()
+        super().close()
+
     def readable(self) -> bool:
         return True
 
@@ -197,9 +202,8 @@ def _tar_stream(archive: str, stamp: tuple[int, int]) -> _Unpacked:
 
 
 def _in_tar(archive: str, stamp: tuple[int, int]) -> Iterator[tuple[str, int, int, int]]:
-    stream = _Unpacked(archive)
     packed = os.path.getsize(archive)
-    with tarfile.TarFile(fileobj=stream, mode="r", errorlevel=2) as tar:
+    with _Unpacked(archive) as stream, tarfile.TarFile(fileobj=stream, mode="r", errorlevel=2) as tar:
         last = -1
         while (info := tar.next()) is not None:
             tar.members = []  # type: ignore[attr-defined]  # it would keep them all

@@ -145,11 +145,12 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
         for name in (inner.stem, inner.stem + own.replace(".", "_"), source.name):
             output = folder / f"{plain.of(name)}{suffix}"
             files = config.outputs_of(output)
-            if taken.isdisjoint(folded(str(file)) for file in files):
+            wanted = {folded(str(file)) for file in files}
+            if taken.isdisjoint(wanted):
                 break
         else:
             raise UsageError(f"Two files would be written as {output}.", "Give them one by one.")
-        taken.update(folded(str(file)) for file in files)
+        taken |= wanted
         yield FileRun(source, output, files)
 
 

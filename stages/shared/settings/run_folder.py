@@ -13,6 +13,7 @@ from typing import Any
 
 from data_schemas.errors import InputError, UsageError
 from data_schemas.manifest import sha256_of_file
+from data_schemas.old_names import tell_old_name
 from data_schemas.whole_file import write_whole
 from stages.registry import NAMES, OLD_NAMES
 from stages.shared.settings.layers import COMMAND_LINE, Layer, settle_file_part
@@ -182,7 +183,9 @@ def _parse_setting(text: str, recipe: Recipe) -> tuple[str, Layer]:
     """ "train-ae.encoder.width=16" as the stage or node and a layer."""
     name, equals, value = text.partition("=")
     stage, *path = name.strip().split(".")
-    stage = OLD_NAMES.get(stage, stage)
+    if stage in OLD_NAMES and stage not in recipe.nodes:
+        tell_old_name(f"The stage {stage} of --set", OLD_NAMES[stage])
+        stage = OLD_NAMES[stage]
     if not equals or not path or (stage not in NAMES and stage not in recipe.nodes):
         raise UsageError(
             f"--set {text!r} is not a STAGE.FIELD=VALUE, as train-ae.steps=100 is.", f"Stages are {', '.join(NAMES)}."

@@ -15,19 +15,24 @@ from data_schemas.trainings import last_sentence, plain_trainings
 from stages.shared.weights import shipped
 from stages.shared.weights.fetched import fetched_folder
 from stages.shared.weights.shipped import CARD_NAME, MEASURED_NAME, default_weights, parts_of, weights_folder
-from stages.shared.weights.task_weights import task_weights
+from stages.shared.weights.task_weights import is_of_task, task_weights
 
 VERDICT_WORDS = {"better": "Good at", "alike": "No better and no worse at", "worse": "Bad at"}
+
+
+def known_facts(name_or_path: str | Path) -> dict[str, Any]:
+    """The facts of any weights: `task_facts_of` of those of one task (they have a `task`), `facts_of` of others."""
+    return task_facts_of(name_or_path) if is_of_task(name_or_path) else facts_of(name_or_path)
 
 
 def facts_of(name_or_path: str | Path) -> dict[str, Any]:
     """What is known of some weights: plain data, from their artefacts and what was measured of them.
 
     Returns: name, folder, default, licences, bytes, parameters, trained_on (one line on the last training's data),
-        longest_gap (frames at 30 a second), trainings (`data_schemas.trainings`, as plain data), steps (of all
-        trainings) and validation (figures of the steps that were kept), each of autoencoder and synthesiser,
-        measured (a list of mappings as `pumps weights pack --measured` wrote it, or none) and card (Markdown, ""
-        where there is none).
+        longest_gap (frames at 30 a second), digests (of the artefacts), trainings (`data_schemas.trainings`, as plain
+        data), steps (of all trainings) and validation (figures of the steps that were kept), each of autoencoder and
+        synthesiser, measured (a list of mappings as `pumps weights pack --measured` wrote it, or none) and card
+        (Markdown, "" where there is none).
     Raises: InputError where there are no such weights, or they are damaged.
     """
     folder = weights_folder(name_or_path)
@@ -44,6 +49,7 @@ def facts_of(name_or_path: str | Path) -> dict[str, Any]:
         "parameters": {part: sum(v.size for v in k.weights.values()) for part, k in zip(parts, kept, strict=True)},
         "trained_on": last_sentence(kept[1].trainings),
         "longest_gap": int(kept[1].config.get("longest_gap", 0)),
+        "digests": {part: each.manifest.digest for part, each in zip(parts, artefacts, strict=True)},
         "trainings": {part: plain_trainings(k.trainings) for part, k in zip(parts, kept, strict=True)},
         "steps": {part: sum(each.steps for each in k.trainings) for part, k in zip(parts, kept, strict=True)},
         "validation": {part: _best(k.log) for part, k in zip(parts, kept, strict=True)},
@@ -64,8 +70,9 @@ def check_of_task(kept: Checkpoint, folder: str | Path) -> None:
 def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
     """What is known of the weights of one task: plain data, from their checkpoint.
 
-    Returns: name, folder, task, corruption, joints (of the rig), licences, bytes, parameters, trained_on, steps (of
-        all trainings), validation (figures of the steps that were kept) and card (Markdown).
+    Returns: name, folder, task, corruption, joints (of the rig), licences, bytes, parameters, trained_on, digests (of
+        the artefact, by the task), steps (of all trainings), validation (figures of the steps that were kept) and
+        card (Markdown).
     Raises: InputError where there are no such weights, or they are damaged.
     """
     folder = task_weights(name_or_path)
@@ -84,6 +91,7 @@ def task_facts_of(name_or_path: str | Path) -> dict[str, Any]:
         "bytes": _bytes(artefact),
         "parameters": sum(value.size for value in kept.weights.values()),
         "trained_on": last_sentence(kept.trainings),
+        "digests": {str(kept.config["task"]): artefact.manifest.digest},
         "steps": sum(each.steps for each in kept.trainings),
         "validation": {
             name: value for name, value in kept_validation(kept.log).items() if name not in ("split", "seconds")

@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 from pydantic import ValidationError
 
 from data_schemas.damaged_files import reading
-from data_schemas.disk import cannot_be_written, missing_above, remove_empty
+from data_schemas.disk import cannot_be_written, missing_above, remove_empty, write_flushed
 from data_schemas.errors import InputError, UsageError
 from data_schemas.own_folders import is_own_folder, make_own_folder, refuse_unmarked, remove_own_folder
 from data_schemas.write_lock import write_lock
@@ -28,10 +28,10 @@ from stages.shared.catalogue.weights_registry import (
 from stages.shared.contract import StageReport
 from stages.shared.formats.archives import ARCHIVE_SUFFIXES, archive_suffix
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.facts import facts_of, task_facts_of
+from stages.shared.weights.facts import known_facts
 from stages.shared.weights.fetched import fetched_folder
 from stages.shared.weights.shipped import shipped_weights
-from stages.shared.weights.task_weights import is_of_task, shipped_task_weights
+from stages.shared.weights.task_weights import shipped_task_weights
 from stages.weights.fetch.config import Config
 from stages.weights.fetch.unpacking import unpack
 
@@ -57,40 +57,45 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     home = config.output or fetched_folder()
     target = home / name
     if _source_of(target).get("checksum") == file.checksum:
-        return _report(target, config, "is there already")
+        return _report(target, _facts(target), config, "is there already")
     _check_place(target, config.overwrite)
     acceptances = config.acceptances or acceptance_file()
     if entry:
         require_acceptance(f"weights/{name}", entry, config.accept_licence, acceptances)
-    missing = [*missing_above(target), home / ".downloads"]
-    staging = home / f".{name}.unpacking"
+    downloads, staging = home / ".downloads", home / f".{name}.unpacking"
+    may_be_empty = [downloads, *missing_above(target)]
     try:
-        downloads = home / ".downloads"
         downloads.mkdir(parents=True, exist_ok=True)
         with write_lock(downloads):
-            archive = fetch_file(file, downloads, progress=progress, overwrite=True, most_bytes=MOST_BYTES)
-            _unpacked(archive, staging, file, entry)
-            if not entry:
-                licence = _Licence("; ".join(_facts(staging)["licences"]) or "none stated")
-                require_acceptance(f"weights/{name}", licence, config.accept_licence, acceptances)
-            remove_own_folder(target)
-            os.replace(staging, target)
-            archive.unlink()
+            try:  # inside the lock, since another fetch may be filling the folder
+                archive = fetch_file(file, downloads, progress=progress, overwrite=True, most_bytes=MOST_BYTES)
+                facts = _unpacked(archive, staging, file, entry)
+                if not entry:
+                    licence = _Licence("; ".join(facts["licences"]) or "none stated")
+                    require_acceptance(f"weights/{name}", licence, config.accept_licence, acceptances)
+                remove_own_folder(target)
+                os.replace(staging, target)
+                archive.unlink()
+            finally:
+                remove_own_folder(staging)
     except OSError as error:
         raise cannot_be_written(target, error) from error
     finally:
-        remove_own_folder(staging)
-        remove_empty([home / ".downloads", *missing])
-    return _report(target, config, "is fetched")
+        remove_empty(may_be_empty)
+    return _report(target, facts, config, "is fetched")
 
 
-def _unpacked(archive: Path, staging: Path, file: DataFile, entry: RegisteredWeights | None) -> None:
-    """Unpack an archive and check that it holds weights under the registry's licences; else remove it."""
+def _unpacked(archive: Path, staging: Path, file: DataFile, entry: RegisteredWeights | None) -> dict[str, Any]:
+    """Unpack an archive and check that it holds weights under the registry's licences; else remove it.
+
+    Returns: what is known of the weights.
+    """
     remove_own_folder(staging)
     make_own_folder(staging)
     try:
         unpack(archive, staging)
-        licences = _facts(staging)["licences"]
+        facts = _facts(staging)
+        licences = facts["licences"]
         if entry and set(licences) != set(entry.licences):
             raise InputError(
                 f"The registry states the licences {entry.licence}, and the weights state "
@@ -100,7 +105,10 @@ def _unpacked(archive: Path, staging: Path, file: DataFile, entry: RegisteredWei
     except InputError:
         archive.unlink()
         raise
-    (staging / SOURCE_NAME).write_text(json.dumps({"url": file.url, "checksum": file.checksum}), encoding="utf-8")
+    source = staging / SOURCE_NAME
+    source.unlink(missing_ok=True)  # an archive of weights that were fetched holds one
+    write_flushed(source, json.dumps({"url": file.url, "checksum": file.checksum}).encode("utf-8"))
+    return facts
 
 
 def _wanted(config: Config) -> tuple[str, DataFile, RegisteredWeights | None]:
@@ -119,12 +127,11 @@ def _wanted(config: Config) -> tuple[str, DataFile, RegisteredWeights | None]:
         )
     entry = registry[config.source]
     _check_name(config.source)
-    suffix = archive_suffix(urlsplit(entry.url).path)
+    suffix = _check_suffix(entry.url)
     try:
         file = entry.file(f"{config.source}{suffix}")
     except ValidationError as error:
         raise InputError(f"The registry's {config.source}: {error.errors()[0]['msg']}.", "Mend its url.") from None
-    _check_suffix(entry.url)
     return config.source, file, entry
 
 
@@ -180,11 +187,10 @@ def _source_of(target: Path) -> dict[str, Any]:
 
 def _facts(folder: Path) -> dict[str, Any]:
     """What is known of unpacked weights. Raises InputError where they are damaged."""
-    return task_facts_of(folder.absolute()) if is_of_task(folder.absolute()) else facts_of(folder.absolute())
+    return known_facts(folder.absolute())
 
 
-def _report(target: Path, config: Config, what: str) -> StageReport:
-    facts = _facts(target)
+def _report(target: Path, facts: dict[str, Any], config: Config, what: str) -> StageReport:
     used = str(target) if config.output else target.name
     lines = [
         f"{target.name} {what}: {facts['bytes'] / 1e6:.1f} MB in {target}.",

@@ -7,8 +7,8 @@ from pathlib import Path, PurePosixPath
 
 from data_schemas.disk import check_room, write_flushed
 from data_schemas.errors import InputError
-from stages.shared.file_names import is_file_name
-from stages.shared.formats.archives import Member, members_of, read_member
+from stages.shared.file_names import folded, is_file_name
+from stages.shared.formats.archives import Member, forget, members_of, read_member
 
 _SUFFIXES = (".json", ".md", ".parquet", ".safetensors")
 _MOST_FILES = 1000
@@ -20,18 +20,22 @@ def unpack(archive: Path, folder: Path) -> None:
     """Write the weights of an archive into a folder that exists. Links, other special members and hidden files are
     left out.
 
-    Raises: InputError if a name leads out of the folder, is not one that every system takes, or comes twice, if a
-        file is of a kind that weights do not have, if the archive is too large, or if it holds no weights; nothing is
-        written then. InputError also if the archive is damaged. OSError if the disk refuses.
+    Raises: InputError if a name leads out of the folder, is not one that every system takes, comes twice, or is a
+        file's and a folder's, if a file is of a kind that weights do not have, if the archive is too large, or if it
+        holds no weights; nothing is written then. InputError also if the archive is damaged. OSError if the disk
+        refuses.
     """
-    members = members_of(str(archive))
-    inside = _inside(archive, members)
-    _check(archive, inside)
-    check_room(folder, sum(member.size for member in inside.values()))
-    for path, member in inside.items():
-        target = folder.joinpath(*path.parts)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_flushed(target, read_member(str(archive), member))
+    try:
+        members = members_of(str(archive))
+        inside = _inside(archive, members)
+        _check(archive, inside)
+        check_room(folder, sum(member.size for member in inside.values()))
+        for path, member in inside.items():
+            target = folder.joinpath(*path.parts)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_flushed(target, read_member(str(archive), member))
+    finally:
+        forget()  # Windows removes no open file
 
 
 def _inside(archive: Path, members: Sequence[Member]) -> dict[PurePosixPath, Member]:
@@ -70,7 +74,7 @@ def _check(archive: Path, inside: dict[PurePosixPath, Member]) -> None:
             f"({_MOST_FILES} files, {_MOST_BYTES / 1e6:.0f} MB).",
             "Check that it is an archive of weights.",
         )
-    folded: dict[str, str] = {}
+    files: dict[str, str] = {}
     for path in inside:
         name = path.as_posix()
         if not all(map(is_file_name, path.parts)):
@@ -81,8 +85,15 @@ def _check(archive: Path, inside: dict[PurePosixPath, Member]) -> None:
             raise InputError(
                 f"{archive.name} holds {name!r}, and weights have only {', '.join(_SUFFIXES)}.", "Leave the file out."
             )
-        if folded.setdefault(name.casefold(), name) != name:
+        if files.setdefault(folded(name), name) != name:
             raise InputError(
-                f"{archive.name} holds {name!r} and {folded[name.casefold()]!r}, which are one file on some systems.",
+                f"{archive.name} holds {name!r} and {files[folded(name)]!r}, which are one file on some systems.",
                 "Rename one of them.",
             )
+    for path in inside:
+        for above in path.parents:
+            if (file := files.get(folded(above.as_posix()))) is not None:
+                raise InputError(
+                    f"{archive.name} holds the file {file!r}, and {path.as_posix()!r} in a folder of that name.",
+                    "Rename one of them.",
+                )

@@ -6,10 +6,10 @@ from typing import Any
 
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.facts import facts_of, task_facts_of
+from stages.shared.weights.facts import facts_of, known_facts, task_facts_of
 from stages.shared.weights.fetched import fetched_weights
 from stages.shared.weights.shipped import shipped_weights
-from stages.shared.weights.task_weights import is_of_task, shipped_task_weights
+from stages.shared.weights.task_weights import shipped_task_weights
 from stages.weights.list.config import Config
 
 
@@ -20,9 +20,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     """
     found = {name: facts_of(name) for name in shipped_weights()}
     found |= {name: task_facts_of(name) for name in shipped_task_weights()}
-    for name in fetched_weights():
-        if name not in found:
-            found[name] = task_facts_of(name) if is_of_task(name) else facts_of(name)
+    found |= {name: known_facts(name) for name in fetched_weights() if name not in found}
     lines = []
     for name, facts in found.items():
         lines += [

@@ -6,8 +6,7 @@ from typing import Any
 
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
-from stages.shared.weights.facts import VERDICT_WORDS, facts_of, task_facts_of, verdicts
-from stages.shared.weights.task_weights import is_of_task
+from stages.shared.weights.facts import VERDICT_WORDS, known_facts, verdicts
 from stages.weights.show.config import Config
 
 
@@ -16,9 +15,9 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
 
     Raises: InputError if there are no such weights, or they are damaged.
     """
-    if is_of_task(config.name):
-        return _of_task(config)
-    facts = facts_of(config.name)
+    facts = known_facts(config.name)
+    if "task" in facts:
+        return _of_task(facts)
     parameters = facts["parameters"]
     lines = [
         f"{facts['name']}{' (default)' if facts['default'] else ''}: {facts['bytes'] / 1e6:.1f} MB in "
@@ -26,6 +25,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         f"Trained on {facts['trained_on']}; "
         + ", ".join(f"{part} {steps} steps" for part, steps in facts["steps"].items())
         + f"; gaps of up to {facts['longest_gap']} frames at 30 fps.",
+        _digest_line(facts["digests"]),
         "Licences of the data, which the weights carry:",
         *[f"  {licence}" for licence in facts["licences"] or ["none stated"]],
         *_validation_lines(facts["validation"]),
@@ -34,19 +34,23 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     return StageReport(lines=lines, figures=facts)
 
 
-def _of_task(config: Config) -> StageReport:
-    facts = task_facts_of(config.name)
+def _of_task(facts: dict[str, Any]) -> StageReport:
     figures = ", ".join(f"{name} {value:.4g}" for name, value in facts["validation"].items())
     lines = [
         f"{facts['name']}: {facts['bytes'] / 1e6:.1f} MB in {facts['folder']}; {facts['parameters'] / 1e6:.1f} M "
         "parameters.",
         f"For the task {facts['task']} ({facts['corruption']}), on a rig of {facts['joints']} joints.",
         f"Trained on {facts['trained_on']}; {facts['steps']} steps.",
+        _digest_line(facts["digests"]),
         "Licences of the data, which the weights carry:",
         *[f"  {licence}" for licence in facts["licences"] or ["none stated"]],
         *([f"Validation: {figures}."] if figures else []),
     ]
     return StageReport(lines=lines, figures=facts)
+
+
+def _digest_line(digests: dict[str, str]) -> str:
+    return "Digests: " + ", ".join(f"{part} {digest[:12]}" for part, digest in digests.items()) + "."
 
 
 def _validation_lines(validation: dict[str, dict[str, float]]) -> list[str]:

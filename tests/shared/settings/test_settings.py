@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from data_schemas import old_names
 from data_schemas.errors import InputError, UsageError
 from stages.registry import NAMES, OLD_NAMES, OLD_WORDS, PIPELINE, downstream_of, stage_named
 from stages.retarget.config import Config as Retarget
@@ -104,11 +106,26 @@ def test_only_what_changed_is_written(tmp_path: Path):
         assert (path.stat().st_mtime_ns == then) == (path.name != "train-lms.toml")
 
 
-def test_old_names_mean_stages_of_today(tmp_path: Path):
+def test_old_names_mean_stages_of_today(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(old_names, "_told", set())
     assert set(OLD_NAMES.values()) <= set(NAMES) and not set(OLD_NAMES) & set(NAMES)
     assert set(OLD_WORDS) <= set(OLD_NAMES)
-    write_run_config(tmp_path, ["tiny"], ["pick-clips.count=7"])
+    with pytest.warns(old_names.OldName, match="stage pick-clips of --set is now data-pick"):
+        write_run_config(tmp_path, ["tiny"], ["pick-clips.count=7"])
     assert read_toml(tmp_path / "config" / "data-pick.toml")["count"] == 7
+
+
+def test_a_node_of_a_recipe_may_have_a_stages_old_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(old_names, "_told", set())
+    recipe = tmp_path / "own.toml"
+    recipe.write_text(
+        'preset = "tiny"\n[data]\nembedded = "alone"\n[goals.run]\nnodes = ["calibrate"]\n'
+        '[nodes.calibrate]\nstage = "ingest"\nsettings = { licence = "CC0" }\n'
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_run_config(tmp_path / "run", settings=["calibrate.licence=MIT"], recipe=str(recipe))
+    assert read_toml(tmp_path / "run" / "config" / "calibrate.toml")["licence"] == "MIT"
 
 
 def test_settings_of_several_stages_are_judged_together(tmp_path: Path):

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shutil
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from data_schemas.errors import InputError, PumpsError, UsageError
+from data_schemas.own_folders import make_own_folder
+from data_schemas.write_lock import write_lock
 from pumps_cli.completion import _weights
 from stages.shared.catalogue.weights_registry import read_registry
+from stages.shared.formats import archives
 from stages.shared.weights import fetched
 from stages.shared.weights.facts import facts_of
 from stages.shared.weights.shipped import weights_folder
@@ -170,7 +177,14 @@ HOSTILE = {
     "a pickle": ({"small/ae/model.pt": b""}, "have only"),
     "a device": ({"small/con.json": b"{}"}, "not every system takes"),
     "one file on some systems": ({"small/AE/manifest.json": b"{}"}, "one file on some systems"),
-}
+    "accents that are one file on some systems": (
+        {"small/caf\u00e9.json": b"{}", "small/cafe\u0301.json": b"{}"}, "one file on some systems",
+    ),
+    "a file and a folder": ({"small/x.json": b"{}", "small/x.json/y.json": b"{}"}, "a folder of that name"),
+    "a file and a folder on some systems": (
+        {"small/x.json/y/z.json": b"{}", "small/X.json": b"{}"}, "a folder of that name",
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("files", "told"), HOSTILE.values(), ids=HOSTILE)
@@ -182,6 +196,67 @@ def test_hostile_archives_write_nothing(fetch: Asked, cache: Path, weights: Path
     with pytest.raises(InputError, match=told):
         fetch()
     assert {path for path in tmp_path.rglob("*") if path != fetch.accepted} == before
+
+
+def test_a_fetch_that_is_refused_leaves_what_another_unpacks(fetch: Asked, cache: Path):
+    staging = cache / ".walks.unpacking"
+    make_own_folder(staging)
+    (staging / "card.md").write_text("of the other")
+    (cache / ".downloads").mkdir()
+    with write_lock(cache / ".downloads"), pytest.raises(PumpsError, match="is being written by another pumps"):
+        fetch()
+    assert (staging / "card.md").read_text() == "of the other"
+    fetch()
+    assert [path.name for path in cache.iterdir()] == ["walks"]
+
+
+@pytest.mark.parametrize("pack", [tar_of, zip_of])
+@pytest.mark.parametrize("sound", [True, False])
+def test_an_archive_is_closed_before_it_is_removed(
+    fetch: Asked, cache: Path, weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pack, sound: bool
+):
+    """Windows removes no open file."""
+    packed = tmp_path / "packed"
+    shutil.copytree(weights, packed)
+    if not sound:
+        (packed / "run.py").touch()
+    fetch.behaviour.content = pack(packed)
+    fetch.write(url=f"{fetch.address}/some{'.tar' if pack is tar_of else '.zip'}")
+    opened, removed, unlink = [], [], Path.unlink
+    for module, name in ((archives, "_Unpacked"), (archives.zipfile, "ZipFile")):
+        monkeypatch.setattr(module, name, _remembered(getattr(module, name), opened))
+
+    def unlink_closed(path: Path, missing_ok: bool = False) -> None:
+        if path.name in ("walks.tar", "walks.zip"):
+            removed.append(path)
+            assert opened and not [each for each in opened if each() is not None and not _is_closed(each())]
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", unlink_closed)
+    with nullcontext() if sound else pytest.raises(InputError, match="have only"):
+        fetch()
+    assert removed
+
+
+def _remembered(kind: type, opened: list[Callable[[], Any]]) -> Callable[..., Any]:
+    def make(*arguments: Any, **options: Any) -> Any:
+        made = kind(*arguments, **options)
+        opened.append(weakref.ref(made))
+        return made
+
+    return make
+
+
+def _is_closed(file: Any) -> bool:
+    return file.fp is None if hasattr(file, "fp") else file.closed
+
+
+def test_weights_that_were_fetched_can_be_published_again(fetch: Asked, cache: Path):
+    fetch()
+    fetch.behaviour.content = tar_of(cache / "walks")
+    fetch.write()
+    fetch(overwrite=True)
+    assert checksum_of(fetch.behaviour.content) in (cache / "walks" / "fetched.json").read_text()
 
 
 def test_links_of_an_archive_are_not_made(fetch: Asked, cache: Path, weights: Path, tmp_path: Path):

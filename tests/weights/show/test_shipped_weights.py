@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 
 from data_schemas.errors import InputError
+from data_schemas.manifest import open_artefact
 from stages.infill.config import Config as InfillConfig
 from stages.shared.weights import shipped
 from stages.shared.weights.facts import facts_of, verdicts
 from stages.shared.weights.shipped import default_weights, shipped_weights
+from stages.shared.weights.task_weights import shipped_task_weights
 from stages.weights.list.config import Config as ListConfig
 from stages.weights.list.run import run as list_weights
 from stages.weights.show.config import Config as ShowConfig
@@ -69,6 +71,25 @@ def test_what_was_measured_is_told_by_its_intervals(shelf: Path) -> None:
     (shelf / "small" / "measured.json").write_text('[{"scope": 1}]')
     with pytest.raises(InputError, match=r"measured\.json"):
         facts_of("small")
+
+
+def test_digests_tell_which_weights_of_a_name_they_are(shelf: Path) -> None:
+    digests = {
+        part: open_artefact(shelf / "small" / name, "checkpoint").manifest.digest
+        for part, name in (("autoencoder", "ae"), ("synthesiser", "lms"))
+    }
+    report = show_weights(ShowConfig(name="small"))
+    assert report.figures["digests"] == digests
+    assert "Digests: " + ", ".join(f"{part} {each[:12]}" for part, each in digests.items()) + "." in report.lines
+
+
+def test_the_digest_of_a_network_for_one_task_is_told() -> None:
+    if "lifter" not in shipped_task_weights():
+        pytest.skip("no lifter is shipped")
+    digest = open_artefact(shipped.SHIPPED / "lifter", "checkpoint").manifest.digest
+    report = show_weights(ShowConfig(name="lifter"))
+    (told,) = (line for line in report.lines if line.startswith("Digests: "))
+    assert told.endswith(f" {digest[:12]}.") and [*report.figures["digests"].values()] == [digest]
 
 
 def test_unknown_weights_are_refused_by_name(shelf: Path) -> None:
