@@ -231,8 +231,8 @@ def _report(config: Config, read: Read, found: _Found, facts: dict[str, Any]) ->
     if choice.kept == Candidate(START):
         outcome = (
             f"On {windows} no candidate was better than {config.weights} by more than chance in its mean gain over "
-            f"the {stretches}, in more than half of them, and in the mean error over the tasks. So {config.output} holds "
-            f"the weights of {config.weights} as they were."
+            f"the {stretches}, in more than half of them, and in the mean error over the tasks. "
+            f"So {config.output} holds the weights of {config.weights} as they were."
         )
     else:
         fitted = " with the confidence fitted anew" if choice.kept.fitted else ""

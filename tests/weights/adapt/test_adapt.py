@@ -83,7 +83,7 @@ def test_trained_weights_are_written_with_what_they_are(recordings, weights, tmp
 def test_weights_that_gain_nothing_are_not_kept_and_that_is_said(recordings, weights, tmp_path, monkeypatch):
     _choosing(monkeypatch, adapt.START)
     report = adapt.run(_config(recordings, weights, tmp_path / "mine"))
-    assert any("No candidate was better" in line for line in report.lines)
+    assert any("no candidate was better" in line for line in report.lines)
     assert report.figures["before"] == report.figures["after"]
     kept = read_checkpoint(tmp_path / "mine" / "lms", optimiser=False)
     start = read_checkpoint(weights / "lms", optimiser=False)
