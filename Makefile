@@ -31,7 +31,7 @@
 # make retarget-report  motions on other rigs: how near hands and feet come to their places
 # make any-humanoid   how often bodies are found on rigs without names, into docs/formats.md; DATA='a.zip b.zip'
 # make bench-train    times training steps, into docs/performance.md; PRESET, DEVICE=cuda, BATCH=40, AUTHORS=adapter.py
-# make bench       all benchmarks that guard a figure; make bench-compare BASE=COMMIT fails if one takes over 1.1 times as long
+# make bench       all benchmarks that guard a figure (PAGE=docs/performance.md writes them there); make bench-compare BASE=COMMIT fails if one takes over 1.1 times as long
 # make bench-ingest   times reading, beside other libraries, into docs/performance.md; DATA='a.zip b.zip'
 # make test        linters, types, import directions, tests
 # make fuzz        coverage-guided fuzzing of every reader and of the artefact reader; MINUTES=10 each, TARGETS='bvh urdf'
@@ -156,7 +156,7 @@ BATCH   ?= 2
 MINUTES ?= 1
 
 bench bench-compare: install-dev
-	OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/$(if $(filter bench,$@),guards.py,two_versions.py --base '$(BASE)')
+	OMP_NUM_THREADS=1 $(VENV)/bin/python benchmarks/$(if $(filter bench,$@),guards.py $(PAGE:%=--page '%'),two_versions.py --base '$(BASE)')
 
 bench-train: install-dev
 	$(VENV)/bin/python benchmarks/training_step.py --device $(DEVICE) --batch $(BATCH) $(AUTHORS:%=--authors '%') --preset $(or $(PRESET),paper) --page docs/performance.md

@@ -14,7 +14,7 @@ from stages.shared.kinematics.plain_interpolation import (
     glide_on,
     interpolate_pose,
 )
-from stages.shared.kinematics.rotations import conjugate, multiply, rotate
+from stages.shared.kinematics.window_hierarchy import from_parents, in_parents
 
 _APART = 100_000.0  # frames between windows on the joined timeline: no tangent crosses this distance
 
@@ -45,8 +45,6 @@ def interpolate_windows(
     Returns: heads (B, T, J, 3) and global rotations (B, T, J, 4).
     """
     batch, frames, bones = heads.shape[:3]
-    index = parents.clamp_min(0)
-    has_parent = (parents >= 0).unsqueeze(-1)
     times = torch.arange(frames, dtype=torch.float64) + _APART * torch.arange(batch, dtype=torch.float64).unsqueeze(1)
     window, frame = _held_keys(known)
     source = _nearest_known(known)[window, frame]
@@ -56,7 +54,7 @@ def interpolate_windows(
     device = heads.device
     window, source = onto(window, device), onto(source, device)
     key_heads = heads[window, source]
-    local, offsets = _in_parents(key_heads, rotations[window, source], index[window], has_parent[window])
+    local, offsets = in_parents(key_heads, rotations[window, source], parents[window])
 
     whole_turns = torch.arange(bones) == 0
     local, _, offsets = interpolate_pose(
@@ -65,30 +63,11 @@ def interpolate_windows(
     local, offsets = local.view(batch, frames, bones, 4), offsets.view(batch, frames, bones, 3)
     if glide is not None and any(glide):
         row, at, edge, inner = (onto(part, device) for part in _beyond_keys(known))
-        edges, inners = (
-            _in_parents(heads[row, key], rotations[row, key], index[row], has_parent[row]) for key in (edge, inner)
-        )
+        edges, inners = (in_parents(heads[row, key], rotations[row, key], parents[row]) for key in (edge, inner))
         gap, away = (edge - inner).abs().float(), (at - edge).abs().float()
         local[row, at], offsets[row, at] = glide_on((edges[0], inners[0]), (edges[1], inners[1]), gap, away, glide)
 
-    out_heads, out_rotations = offsets.clone(), local.clone()
-    rows = torch.arange(batch, device=device)
-    for bone in range(1, bones):  # parents come before children
-        turn = out_rotations[rows, :, index[:, bone]]
-        place = out_heads[rows, :, index[:, bone]]
-        hangs = has_parent[:, bone].unsqueeze(1)
-        out_rotations[:, :, bone] = torch.where(hangs, multiply(turn, local[:, :, bone]), local[:, :, bone])
-        moved = place + rotate(turn, offsets[:, :, bone])
-        out_heads[:, :, bone] = torch.where(hangs, moved, offsets[:, :, bone])
-    return out_heads, out_rotations
-
-
-def _in_parents(heads: Tensor, rotations: Tensor, index: Tensor, has_parent: Tensor) -> tuple[Tensor, Tensor]:
-    """Rotations (N, J, 4) and positions (N, J, 3) in the parents' frames, of frames N with parents `index` (N, J)."""
-    above = conjugate(torch.gather(rotations, 1, index.unsqueeze(-1).expand(-1, -1, 4)))
-    local = torch.where(has_parent, multiply(above, rotations), rotations)
-    apart = heads - torch.gather(heads, 1, index.unsqueeze(-1).expand(-1, -1, 3))
-    return local, torch.where(has_parent, rotate(above, apart), heads)
+    return from_parents(local, offsets, parents)
 
 
 def _beyond_keys(known: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:

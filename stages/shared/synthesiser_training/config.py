@@ -45,6 +45,14 @@ class SynthesiserTrainingConfig(TrainingConfig):
         ge=0.0,
         le=1.0,
     )
+    borrowed_share: float = Field(
+        0.0,
+        json_schema_extra=OFTEN,
+        description="With --augment: fraction of the windows in which the arms, or all above the pelvis, move as in "
+        "another clip on the same skeleton.",
+        ge=0.0,
+        le=1.0,
+    )
     reuse: int = Field(
         1,
         description="How many steps use each encoded window. Encoding takes more than half the time of a step on "

@@ -51,6 +51,7 @@ class FillDrawer:
             augment=config.augment,
             proportions=config.proportions,
             as_recorded=as_recorded,
+            borrowed_share=config.borrowed_share if config.augment else 0.0,
         )
         known = draw_known(windows.valid.sum(1), config.window, config.longest_gap, rng)
         batch = clouds_with_base(config, windows, known, rng, augment=config.augment, as_recorded=as_recorded)

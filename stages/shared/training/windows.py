@@ -19,6 +19,7 @@ from stages.shared.kinematics.conventions import MIRRORED_GROUP, WHOLE_TURN
 from stages.shared.kinematics.device import onto
 from stages.shared.pointcloud.drawn_points import DrawnPoints
 from stages.shared.pointcloud.sampling import spread_points
+from stages.shared.training.borrowed_parts import with_borrowed_parts
 from stages.shared.training.frame_cache import FrameCache
 from stages.shared.training.proportions import with_other_proportions
 from stages.shared.training.task import rows_of
@@ -45,6 +46,12 @@ class Windows:
     tails: Tensor
     groups: Tensor
     weights: Tensor
+
+    def of_rows(self, rows: Tensor) -> Windows:
+        """These windows of the batch (int64, on the CPU)."""
+        elsewhere = onto(rows, self.heads.device)
+        parts = {name: each[elsewhere] for name, each in vars(self).items() if name != "valid"}
+        return Windows(**parts, valid=self.valid[rows])
 
 
 class WindowPool:
@@ -139,11 +146,13 @@ class WindowPool:
         augment: bool,
         proportions: float = 1.0,
         as_recorded: np.ndarray | None = None,
+        borrowed_share: float = 0.0,
     ) -> Windows:
         """Windows of up to `window` frames at random places, each drawn from its own generator (`rows_of`).
 
         With `augment` the playback speed is varied and bones are scaled by factors of up to `proportions`, except in
-        the windows that are `as_recorded` (B,) bool.
+        the windows that are `as_recorded` (B,) bool. In a fraction `borrowed_share` of the windows the arms, or all
+        above the pelvis, move as in another clip of the same skeleton (`with_borrowed_parts`).
         """
         other = _other(augment, as_recorded, batch)
         chance = np.stack([row.random(3) for row in rows_of(rng, batch)])
@@ -152,9 +161,28 @@ class WindowPool:
         span = np.minimum((window - 1) * speed, self.lengths[clips] - 1)
         first = chance[:, 2] * (self.lengths[clips] - 1 - span)
         windows = self._read(clips, np.where(other, first, np.floor(first)), speed, window)
+        if borrowed_share > 0:
+            self._borrow(windows, clips, borrowed_share, rng)
         if not (augment and proportions > 1):
             return windows
         return with_other_proportions(windows, np.where(other, proportions, 1.0), rng)
+
+    def _borrow(self, windows: Windows, clips: np.ndarray, share: float, rng: np.random.Generator) -> None:
+        """Let a share of the windows borrow parts, in place. Half of these borrow the arms alone."""
+        chance = np.stack([row.random(4) for row in rows_of(rng, len(clips))])
+        chosen = np.flatnonzero(chance[:, 0] < share)
+        if not len(chosen):
+            return
+        clips, chance, frames = clips[chosen], chance[chosen], windows.heads.shape[1]
+        same = self.skeletons == self.skeletons[clips, None]
+        chances = np.cumsum(np.where(same, self.share, 0.0), axis=1)
+        lenders = (chances <= chance[:, 1:2] * chances[:, -1:]).sum(1)
+        first = np.floor(chance[:, 2] * np.maximum(self.lengths[lenders] - frames + 1, 1)).astype(np.int64)
+        rows = torch.from_numpy(chosen)
+        mixed = with_borrowed_parts(windows.of_rows(rows), self.at(lenders, first, frames), chance[:, 3] < 0.5)
+        elsewhere = onto(rows, self.device)
+        windows.heads[elsewhere], windows.rotations[elsewhere] = mixed.heads, mixed.rotations
+        windows.valid[rows] = mixed.valid
 
     def at(self, clips: np.ndarray, first: np.ndarray, window: int) -> Windows:
         """The windows of given clips (indices) at given first frames."""
