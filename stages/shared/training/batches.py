@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from itertools import islice
+from itertools import count, islice
 from typing import Any
 
 import torch
@@ -51,7 +51,8 @@ def drawn_ahead(
 
     Raises: PumpsError if a drawing process dies.
     """
-    wanted = ((config.seed, step, part) for step in range(first_step, config.steps) for part in parts)
+    steps = count(first_step) if config.last_step is None else range(first_step, config.last_step)
+    wanted = ((config.seed, step, part) for step in steps for part in parts)
     ahead: deque[Future[Any]] = deque()
     drawer = task.drawer(elsewhere=config.workers > 0)
     with _executor(drawer, config.workers) as executor:

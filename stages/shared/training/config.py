@@ -101,3 +101,8 @@ class TrainingConfig(WritingConfig, DeviceConfig, SeededConfig):
         ge=0,
     )
     tensorboard: bool = Field(False, description="Also write TensorBoard logs (needs the extra 'tensorboard').")
+
+    @property
+    def last_step(self) -> int | None:
+        """The step that ends the training; None where minutes end it."""
+        return None if self.minutes else self.steps

@@ -52,12 +52,13 @@ class Trained:
 def learning_rate(config: TrainingConfig, step: int, seconds: float = 0.0) -> float:
     """Learning rate at a step: linear warm-up, then inverse-square-root decay, then linear decay to zero.
 
-    The last part takes the share `cooldown` of the steps, or of the time if `minutes` ends the training earlier.
+    The last part takes the share `cooldown` of the steps, or of the time where `minutes` end the training.
     """
     rate = config.learning_rate * min((step + 1) / max(1, config.warmup), (max(1, config.warmup) / (step + 1)) ** 0.5)
-    left = (config.steps - step) / max(1.0, config.cooldown * config.steps)
-    if config.minutes:
-        left = min(left, max(0.0, 60 * config.minutes - seconds) / max(1.0, config.cooldown * 60 * config.minutes))
+    if config.last_step is None:
+        left = max(0.0, 60 * config.minutes - seconds) / max(1.0, config.cooldown * 60 * config.minutes)
+    else:
+        left = (config.last_step - step) / max(1.0, config.cooldown * config.last_step)
     return rate * min(1.0, left)
 
 
@@ -119,16 +120,15 @@ class _Run:
         config, place = self.config, self.place
         began = time.monotonic() - place.seconds
         deadline = time.monotonic() + config.max_time * 60 if config.max_time else float("inf")
-        self.progress.start(f"training {config.output.name}", config.steps)
-        self.progress.advance(place.step)
+        self._start_bar()
         late = False
         beside = config.workers if self.device.type == "cpu" else 0
         with _threads_left(beside), closing(drawn_ahead(self.task, config, self.parts, place.step)) as batches:
             while not late and not self._done():
                 numbers = self._step(batches, time.monotonic() > deadline)
                 place.step += 1
-                place.seconds = time.monotonic() - began
-                last = place.step == config.steps or self._spent()
+                seconds, place.seconds = place.seconds, time.monotonic() - began
+                last = self._at_the_end()
                 logged = place.step % _LOG_EVERY == 0 or last
                 validated = place.step % config.validate_every == 0 or last
                 kept = place.step % config.checkpoint_every == 0
@@ -139,7 +139,7 @@ class _Run:
                     note = " ".join(f"{name} {value:.4g}" for name, value in list(figures.items())[:2])
                     if logged and self.log is not None:
                         self.log.add("train", place.step, place.seconds, figures)
-                self.progress.advance(1, note)
+                self.progress.advance(1 if config.last_step else place.seconds - seconds, note)
                 if validated:
                     self._validate()
                 if kept or late:
@@ -159,11 +159,18 @@ class _Run:
             moments,
         )
 
-    def _done(self) -> bool:
-        return self.place.step >= self.config.steps or self._stale() or self._spent()
+    def _start_bar(self) -> None:
+        """A bar of steps, or of seconds where minutes end the training."""
+        last, label = self.config.last_step, f"training {self.config.output.name}"
+        self.progress.start(*((f"{label}, seconds", 60 * self.config.minutes) if last is None else (label, last)))
+        self.progress.advance(self.place.seconds if last is None else self.place.step)
 
-    def _spent(self) -> bool:
-        return 0 < self.config.minutes * 60 <= self.place.seconds
+    def _done(self) -> bool:
+        return self._at_the_end() or self._stale()
+
+    def _at_the_end(self) -> bool:
+        last = self.config.last_step
+        return self.place.seconds >= 60 * self.config.minutes if last is None else self.place.step >= last
 
     def _stale(self) -> bool:
         return 0 < self.config.patience <= self.place.stale

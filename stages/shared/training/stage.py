@@ -63,9 +63,11 @@ def finish(
     if not started_ranks().first:
         return StageReport()
     if not trained.finished:
+        of_steps = f" of {config.last_step}" if config.last_step else ""
+        of_minutes = "" if config.last_step else f" of {config.minutes:g}"
         return StageReport(
             lines=[
-                f"Stopped at step {trained.step} of {config.steps} after {trained.seconds / 60:.1f} minutes; "
+                f"Stopped at step {trained.step}{of_steps} after {trained.seconds / 60:.1f} minutes{of_minutes}; "
                 "run the same command again to continue."
             ],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},

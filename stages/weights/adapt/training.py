@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,7 +27,6 @@ from stages.weights.adapt.config import Config
 from stages.weights.adapt.holding_out import Part
 
 _HELD_BACK = (24,)  # windows of a validation
-_ENDLESS = 10_000_000  # steps of a training that minutes end
 
 
 def write_clouds(path: Path, clips: Sequence[Clip], parts: Sequence[Part], points: int, seed: int) -> list[ClipRow]:
@@ -71,8 +69,7 @@ def training_config(config: Config, folder: Path, models: Models, start: Checkpo
         initial=lms,
         device=config.device,
         seed=config.seed,
-        steps=config.steps or _ENDLESS,
-        minutes=0 if config.steps else config.minutes,
+        **({"steps": config.steps} if config.steps else {"minutes": config.minutes}),
         batch=config.batch,
         window=models.window,
         points=int(start.config["points"]),
@@ -96,12 +93,11 @@ def training_config(config: Config, folder: Path, models: Models, start: Checkpo
 
 def train_on(settings: SynthesiserTrainingConfig, models: Models, progress: Progress) -> Trained:
     """Train, or go on with a training that was interrupted."""
-    shown = _OfMinutes(progress, settings.minutes) if settings.minutes else progress
     with TpcReader(settings.tpc) as reader:
         device = choose_device(settings.device)
         pool, held_back = window_pools(reader, settings, device)
         task = SynthesiserTask(settings, models.autoencoder, pool, held_back, device, _HELD_BACK)
-        return train(task, settings, progress=shown)
+        return train(task, settings, progress=progress)
 
 
 def halved(weights: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -112,22 +108,3 @@ def halved(weights: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def mean_of(start: Checkpoint, trained: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The mean of the weights at the start and at the end of a training."""
     return {name: (start.weights[name].astype(np.float32) + value) / 2 for name, value in trained.items()}
-
-
-class _OfMinutes:
-    """A bar of the seconds of a training that minutes end, instead of its steps."""
-
-    def __init__(self, progress: Progress, minutes: float):
-        self._progress, self._seconds, self._last = progress, 60 * minutes, time.monotonic()
-
-    def start(self, label: str, total: float | None = None) -> None:
-        self._progress.start("adapting, seconds", self._seconds)
-        self._last = time.monotonic()
-
-    def advance(self, steps: float = 1, note: str = "") -> None:
-        now = time.monotonic()
-        self._progress.advance(now - self._last, note)
-        self._last = now
-
-    def message(self, text: str) -> None:
-        self._progress.message(text)

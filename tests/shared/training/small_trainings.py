@@ -14,6 +14,18 @@ class Killed(Exception):
     pass
 
 
+class Bar:
+    """A progress that keeps its total and how far it is."""
+
+    def start(self, label: str, total: float | None = None) -> None:
+        self.total, self.done = total, 0.0
+
+    def advance(self, steps: float = 1, note: str = "") -> None:
+        self.done += steps
+
+    def message(self, text: str) -> None: ...
+
+
 class KillAt:
     """Progress that breaks the run off after a step, as a kill would."""
 

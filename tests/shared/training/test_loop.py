@@ -15,7 +15,7 @@ from stages.shared.training.config import TrainingConfig
 from stages.shared.training.loop import learning_rate, train
 from stages.train.ae.config import Config
 from stages.train.ae.run import run
-from tests.shared.training.small_trainings import KillAt, Killed, Parabola, plain_config
+from tests.shared.training.small_trainings import Bar, KillAt, Killed, Parabola, plain_config
 from tests.shared.training.tiny_clouds import write_clouds
 from tests.shared.training.tiny_runs import TINY, weights_of
 
@@ -168,6 +168,13 @@ def test_minutes_end_a_training_whatever_its_steps(clouds, tmp_path):
     assert report.figures["finished"] and report.figures["step"] == 1
     assert [row["split"] for row in read_checkpoint(tmp_path / "ae").log] == ["train", "val"]
     assert "score" in report.figures["val"]
+
+
+def test_steps_do_not_end_a_training_of_minutes(clouds, tmp_path):
+    seconds = Bar()
+    report = run(config_for(clouds, tmp_path / "ae", steps=1, minutes=0.02), progress=seconds)
+    assert report.figures["finished"] and report.figures["step"] > 1
+    assert seconds.total == pytest.approx(1.2) and seconds.done == pytest.approx(report.figures["seconds"])
 
 
 def test_minutes_are_counted_over_all_calls(clouds, tmp_path):
