@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from stages.report.curves import Point
+from stages.report.chart_axes import Point
 from stages.report.line_charts import line_chart
 from stages.shared.markup import Markup, markup
 from stages.shared.statistics.measurements import METRICS, TRUTH

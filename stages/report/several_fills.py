@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from data_schemas.errors import InputError, UsageError
+from stages.report.chart_axes import even_ticks
 from stages.report.config import Config
-from stages.report.curves import even_ticks
 from stages.report.drawings import Heading
 from stages.report.line_charts import line_chart
 from stages.report.results import table_html
