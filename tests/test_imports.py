@@ -125,6 +125,12 @@ def test_commands_load_no_more_of_torch_than_they_need(tmp_path: Path):
     assert "torch" in loaded and not {"torch._dynamo", "torch._inductor", "roma"} & loaded
 
 
+def test_the_studio_shows_a_motion_without_torch():
+    clip = str(ROOT / "stages" / "shared" / "clips" / "kick.bvh")
+    code = "import uvicorn, stages.studio.app\nfrom pathlib import Path\nfrom stages.studio.scene import scene_of"
+    assert "torch" not in loaded_by(f"{code}\nscene_of(Path({clip!r}))")
+
+
 @pytest.mark.parametrize("given, sleeps", [({}, True), ({"OMP_WAIT_POLICY": "active"}, False)])
 def test_waiting_threads_soon_sleep_unless_the_user_says_otherwise(given: dict[str, str], sleeps: bool):
     """As the OpenMP that torch loads tells it itself, after the command was called."""

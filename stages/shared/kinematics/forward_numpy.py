@@ -95,3 +95,13 @@ def _levels(parents_bytes: bytes) -> list[np.ndarray]:
     for joint in range(1, len(parents)):
         depth[joint] = depth[parents[joint]] + 1
     return [np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1)]
+
+
+def pelvis_and_above(parents: np.ndarray, pelvis: int) -> np.ndarray:
+    """(J,) bool: the joints that turn the whole body, of a tree with parents (J,)."""
+    found = np.zeros(len(parents), bool)
+    joint = pelvis
+    while joint >= 0:
+        found[joint] = True
+        joint = int(parents[joint])
+    return found

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -91,16 +90,6 @@ def damped_smoothness(key_times: Tensor, rate_hz: float, damping: Damping = DAMP
 
 def _damped(seconds: Tensor, half: float) -> Tensor:
     return (1 / (1 + (seconds / half) ** 3)).float()
-
-
-def pelvis_and_above(parents: np.ndarray, pelvis: int) -> Tensor:
-    """(J,) bool: the joints that turn the whole body, of a tree with parents (J,)."""
-    found = torch.zeros(len(parents), dtype=torch.bool)
-    joint = pelvis
-    while joint >= 0:
-        found[joint] = True
-        joint = int(parents[joint])
-    return found
 
 
 def locate_segments(key_times: Tensor, times: Tensor) -> Segments:
