@@ -18,7 +18,6 @@ from stages.shared.inference.constraints.known_parts import known_parts
 from stages.shared.inference.constraints.rig_parts import END_EFFECTORS, end_effector
 from stages.shared.kinematics.foot_contacts import detect_contacts, find_feet, has_feet
 from stages.shared.kinematics.forward_numpy import positions_of
-from stages.shared.kinematics.plain_motion import plain_motion
 
 
 @dataclass(frozen=True)
@@ -42,6 +41,8 @@ def plain_scene_of(path: Path, constraints: str) -> Scene:
 
     Raises: UsageError where nothing says which frames are keys; InputError for parts and frames that are not there.
     """
+    from stages.shared.kinematics.plain_motion import plain_motion  # it needs torch
+
     skeleton, motion = _read(path)
     known = known_parts(Constraints.model_validate_json(constraints), skeleton, motion.frames)
     named = np.flatnonzero(known.joints.any(axis=1) | known.position)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -93,16 +92,6 @@ def _damped(seconds: Tensor, half: float) -> Tensor:
     return (1 / (1 + (seconds / half) ** 3)).float()
 
 
-def pelvis_and_above(parents: np.ndarray, pelvis: int) -> Tensor:
-    """(J,) bool: the joints that turn the whole body, of a tree with parents (J,)."""
-    found = torch.zeros(len(parents), dtype=torch.bool)
-    joint = pelvis
-    while joint >= 0:
-        found[joint] = True
-        joint = int(parents[joint])
-    return found
-
-
 def locate_segments(key_times: Tensor, times: Tensor) -> Segments:
     """Segments of K >= 2 rising key times (K,) in which times (T,) fall; outside the keys the share is 0 or 1.
 
@@ -139,7 +128,7 @@ def interpolate_pose(
         glide: how to go on before the first and after the last key; None holds them.
         whole_turns: (J,) bool, or (K-1, J) with one for each segment: joints that may turn right round between two
             keys where the velocities at the keys ask for it, which are the pelvis and the joints above it
-            (`pelvis_and_above`). None: no joint may.
+            (`joint_tree.pelvis_and_above`). None: no joint may.
 
     Returns: local (T, J, 4) sign-continuous in rising time, roots (T, 3), offsets (T, J, 3) (or (J, 3) as given).
     Raises: UsageError where there is no key or the key times do not rise.

@@ -15,11 +15,11 @@ from torch import Tensor
 from data_schemas.skeleton import Motion, Skeleton
 from stages.shared.kinematics.forward import global_rotations, joint_positions, local_rotations, offsets_over_time
 from stages.shared.kinematics.frame_blocks import blocks_of, in_blocks
+from stages.shared.kinematics.joint_tree import pelvis_and_above
 from stages.shared.kinematics.plain_interpolation import (
     Glide,
     Smoothness,
     interpolate_pose,
-    pelvis_and_above,
 )
 from stages.shared.kinematics.rotations import conjugate, from_turn_vectors, multiply, rotate, signs_after_given
 
@@ -132,7 +132,7 @@ class SkeletonPose:
     ) -> SkeletonPose:
         """The plain interpolation of this pose's frames, used as keys, at other times; `glide` sets how it continues
         beyond the keys, in their unit."""
-        whole_turns = pelvis_and_above(self.skeleton.parents, self.skeleton.root)
+        whole_turns = torch.from_numpy(pelvis_and_above(self.skeleton.parents, self.skeleton.root))
         made = interpolate_pose(*self.parts, key_times, times, smooth=smooth, glide=glide, whole_turns=whole_turns)
         return self.with_local(*made)
 

@@ -24,11 +24,11 @@ from stages.shared.kinematics.forward import (
     local_rotations,
     offsets_over_time,
 )
+from stages.shared.kinematics.joint_tree import pelvis_and_above
 from stages.shared.kinematics.plain_interpolation import (
     Smoothness,
     damped_smoothness,
     interpolate_pose,
-    pelvis_and_above,
 )
 from stages.shared.kinematics.rotations import continuous_signs, from_turn_vectors, multiply, turns_between
 
@@ -142,7 +142,7 @@ def _interpolated(poses: Poses, known: np.ndarray, smooth: Smoothness) -> Filled
     offsets = _windows_as_joints(torch.cat([poses.offsets[:, keys], poses.roots[:, keys, None]], dim=2))
     key_times = torch.as_tensor(keys, dtype=torch.float64)
     times = torch.arange(frames, dtype=torch.float64)
-    whole_turns = pelvis_and_above(poses.parents, poses.pelvis).repeat(batch)
+    whole_turns = torch.from_numpy(pelvis_and_above(poses.parents, poses.pelvis)).repeat(batch)
     local, _, offsets = interpolate_pose(
         local, offsets[:, 0], offsets, key_times, times, smooth=smooth, whole_turns=whole_turns
     )

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
-from stages.shared.kinematics.plain_interpolation import MOST_MIDDLE_RAD, interpolate_pose, pelvis_and_above
+from stages.shared.kinematics.joint_tree import pelvis_and_above
+from stages.shared.kinematics.plain_interpolation import MOST_MIDDLE_RAD, interpolate_pose
 from stages.shared.kinematics.window_interpolation import interpolate_windows
 
 FINE = 240
@@ -92,7 +93,7 @@ def test_a_body_that_spins_goes_on_round_and_a_limb_comes_back():
     middle = torch.tensor([10.0], dtype=torch.float64)
     made, _, _ = interpolate_pose(
         local, zeros, torch.zeros(2, 3), torch.as_tensor(times), middle, smooth=1.0,
-        whole_turns=pelvis_and_above(np.array([-1, 0]), 0),
+        whole_turns=torch.from_numpy(pelvis_and_above(np.array([-1, 0]), 0)),
     )  # fmt: skip
     spun, limb = Rotation.from_quat(made[0].numpy())
     assert (spun * _about(1, -125)).magnitude() < np.deg2rad(3)

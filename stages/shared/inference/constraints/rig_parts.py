@@ -9,7 +9,7 @@ import numpy as np
 from data_schemas.errors import InputError
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
 from stages.shared.kinematics.foot_contacts import LEGS, find_feet
-from stages.shared.kinematics.plain_interpolation import pelvis_and_above
+from stages.shared.kinematics.joint_tree import pelvis_and_above
 
 POSITION, ROOT = "position", "root"
 _UNIONS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
@@ -29,7 +29,7 @@ class RigPart:
 
 def placing_joints(skeleton: Skeleton) -> np.ndarray:
     """(J,) bool: the pelvis and the joints above it."""
-    return pelvis_and_above(skeleton.parents, skeleton.root).numpy()
+    return pelvis_and_above(skeleton.parents, skeleton.root)
 
 
 def rig_part(skeleton: Skeleton, names: str, what: str) -> RigPart:
