@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,7 @@ class Filler:
     name:        of the weights.
     window:      model frames (30 a second) beyond which keys change nothing.
     longest_gap: model frames, the longest gap that it was trained on.
-    trained_on, licences: of the training data.
+    trained_on, licences: of the training data. shown_by: the command that shows them.
     fills:       called with a skeleton, T frames of a motion, which of them are known (T,), and what is given beside
                  whole keys; returns the fills that `config.wanted` names.
     """
@@ -39,6 +40,7 @@ class Filler:
     longest_gap: int
     trained_on: str
     licences: tuple[str, ...]
+    shown_by: str
     fills: Callable[[Skeleton, Motion, np.ndarray, Fixed | None], list[Filled]]
 
 
@@ -54,7 +56,8 @@ def _models(config: Config) -> Filler:
     def fills(skeleton: Skeleton, given: Motion, known: np.ndarray, fixed: Fixed | None) -> list[Filled]:
         return _by_models(models, config, skeleton, given, known, fixed)
 
-    return Filler(models.name, models.window, models.longest_gap, models.trained_on, models.licences, fills)
+    shown_by = shlex.join(["pumps", "weights", "show", models.name])
+    return Filler(models.name, models.window, models.longest_gap, models.trained_on, models.licences, shown_by, fills)
 
 
 def _by_models(
@@ -103,4 +106,5 @@ def _concepts(config: Config) -> Filler:
         return [concept_fill(model, skeleton, given, known, seeds=each, options=options) for each in codes]
 
     frames = round(model.window * MODEL_FPS / model.fps)
-    return Filler(config.weights, frames, frames, model.trained_on, model.licences, fills)
+    shown_by = shlex.join(["pumps", "artefact", "show", config.weights])
+    return Filler(config.weights, frames, frames, model.trained_on, model.licences, shown_by, fills)

@@ -42,6 +42,7 @@ from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
+from stages.shared.weights.licence_names import licence_names
 
 
 class Region(NamedTuple):
@@ -183,10 +184,7 @@ def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str],
     lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)
     lines.append(line_of_skate(filled, config.foot_lock))
     lines += lines_of_pins(filled)
-    lines.append(
-        f"Weights {filler.name}, trained on {filler.trained_on or 'data they do not name'}; "
-        f"licences: {'; '.join(filler.licences).rstrip('.') or 'none named'}."
-    )
+    lines.append(f"Weights {filler.name}, licences: {licence_names(filler.licences)} ({filler.shown_by}).")
     figures = {
         "frames": request.frames,
         "filled": len(missing),
@@ -204,5 +202,6 @@ def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str],
         "points_stray_m": filled.wander_m,
         "pins_off_mm": {name: off * 1000 for name, off in filled.pins_off_m.items()},
         "licences": list(filler.licences),
+        "trained_on": filler.trained_on,
     }
     return StageReport(output=config.output, lines=lines, gist=gist, figures=figures)
