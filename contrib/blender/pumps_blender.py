@@ -17,6 +17,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -287,7 +288,8 @@ class Run:
         """End the command if it runs, and remove the folder."""
         if self.process.poll() is None:
             if os.name == "posix":
-                os.killpg(self.process.pid, signal.SIGKILL)
+                with suppress(OSError):  # it may end meanwhile
+                    os.killpg(self.process.pid, signal.SIGKILL)
             else:
                 self.process.kill()
             self.process.wait()
@@ -314,8 +316,10 @@ if bpy is not None:
         animation = armature.animation_data
         slot = getattr(animation, "action_slot", None)
         if slot is None:
-            return animation.action.fcurves
-        return animation.action.layers[0].strips[0].channelbag(slot).fcurves
+            return getattr(animation.action, "fcurves", ())  # Blender 5 has none without a slot
+        strips = [strip for layer in animation.action.layers for strip in layer.strips]
+        bag = strips[0].channelbag(slot) if strips else None
+        return bag.fcurves if bag else ()
 
     def rig_of(armature, metres: float) -> Rig:
         """The largest tree of the armature's bones. Raises Refused for bones that do not follow their keys alone."""
@@ -441,21 +445,32 @@ if bpy is not None:
                 rows.append(row)
         moves = above is None or np.abs(values["location"]).max() > STILL_M
         for part in ("location", kind) if moves else (kind,):
+            turned = part == "rotation_quaternion" and _is_turned(found[part], bone, sent, values[part])
             for i, curve in enumerate(found[part]):
                 curve = curve or curves.new(f"{bone.path_from_id()}.{part}", index=i)
-                _key_curve(curve, sent, [float(row[i]) for row in values[part]])
+                _key_curve(curve, sent, [float(row[i]) for row in values[part]], turned)
 
-    def _key_curve(curve, sent: Sent, values: Sequence[float]) -> None:
-        """Put values of every frame on an F-curve; keys that stand in key frames stay."""
+    def _is_turned(curves, bone, sent: Sent, rows: Sequence[Sequence[float]]) -> bool:
+        """Whether the last quaternion has the other sign than before, which keys after it then need too."""
+        pairs = zip(curves, bone.rotation_quaternion, strict=True)
+        last = [curve.evaluate(sent.frames[-1]) if curve else value for curve, value in pairs]
+        return float(np.dot(last, rows[-1])) < 0
+
+    def _key_curve(curve, sent: Sent, values: Sequence[float], turned: bool) -> None:
+        """Put values of every frame on an F-curve; keys that stand in key frames stay.
+
+        turned: whether the values after the last frame change their sign, as those of a quaternion may.
+        """
         points, kept = curve.keyframe_points, set()
         for point in reversed(points):
             frame = point.co[0]
             if frame in sent.keys:
                 kept.add(int(frame))
-                if point.co[1] * values[int(frame) - sent.frames[0]] < 0:  # of a quaternion whose sign was changed
-                    for end in (point.co, point.handle_left, point.handle_right):
-                        end[1] *= -1
-            elif sent.frames[0] < frame < sent.frames[-1]:
+            of_key = frame in sent.keys and point.co[1] * values[int(frame) - sent.frames[0]] < 0
+            if of_key or (turned and frame > sent.frames[-1]):  # of a quaternion whose sign was changed
+                for end in (point.co, point.handle_left, point.handle_right):
+                    end[1] *= -1
+            elif frame not in sent.keys and sent.frames[0] < frame < sent.frames[-1]:
                 points.remove(point, fast=True)
         for frame, value in zip(sent.frames, values, strict=True):
             if frame not in kept:
@@ -498,6 +513,10 @@ if bpy is not None:
             if event.type == "ESC":
                 return self._finish(context, {"CANCELLED"})
             return self._guarded(self._look, context) if event.type == "TIMER" else {"PASS_THROUGH"}
+
+        def cancel(self, context):
+            """Blender ends the operator, as when another file is loaded."""
+            self._finish(context, {"CANCELLED"})
 
         def _guarded(self, step, context):
             try:

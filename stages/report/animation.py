@@ -16,8 +16,9 @@ from stages.report.side_views import distance_note, frames_at, ground_of, points
 from stages.report.strips import PAPER
 from stages.shared.markup import Markup, joined, markup
 
-LABEL, CELL, HEIGHT, HEAD, GAP = 172, 178, 176, 30, 16
-BELOW, ABOVE = 30, 10  # of the ground: the note and the timeline; of the tallest pose: air
+TEXT = 16  # pixels; a phone shows three columns at two thirds of their size
+LEFT, CELL, HEIGHT, HEAD, TITLE, GAP = 8, 178, 198, 32, 24, 12
+BELOW, ABOVE = 54, 8  # of the ground: the timeline and two lines; of the tallest pose: air
 MARK_M = 0.5  # metres between marks on the ground
 SHARPNESS = 10  # coordinates are whole numbers of tenths of a pixel
 STYLE = markup(
@@ -58,22 +59,23 @@ def animation_svg(scenes: Sequence[dict]) -> Markup:
     A motion at another rate than the truth's is drawn at the truth's frames.
     """
     columns = max(len(scene["motions"]) for scene in scenes)
-    width, height = LABEL + columns * CELL, HEAD + len(scenes) * (HEIGHT + GAP)
+    row = TITLE + HEIGHT + GAP
+    width, height = LEFT + columns * CELL, HEAD + len(scenes) * row
     truth = scenes[0]["motions"][0]["name"]
     return joined(
         [
             markup(
                 '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {} {}" width="{}" font-family="sans-serif" '
-                'font-size="12">', width, height, width,
+                'font-size="{}">', width, height, width, TEXT,
             ),
             STYLE,
             markup('<rect width="100%" height="100%" fill="{}"/>', PAPER.paper),
             markup(
-                '<text x="8" y="18" fill="{}"><tspan fill="{}">amber: keys, the only poses that are read;</tspan>'
+                '<text x="8" y="20" fill="{}"><tspan fill="{}">amber: keys, the only poses that are read;</tspan>'
                 " grey: {}</text>",
                 PAPER.note, PAPER.key, truth,
             ),
-            *(_row_svg(_row(number, scene), HEAD + number * (HEIGHT + GAP)) for number, scene in enumerate(scenes)),
+            *(_row_svg(_row(number, scene), HEAD + number * row) for number, scene in enumerate(scenes)),
             markup("</svg>\n"),
         ],
         "\n",
@@ -98,28 +100,34 @@ def _row(number: int, scene: dict) -> _Row:
 
 
 def _row_svg(row: _Row, top: int) -> Markup:
-    scene, base = row.scene, top + HEIGHT - BELOW
+    scene, base = row.scene, top + TITLE + HEIGHT - BELOW
     truth, *others = scene["motions"]
     parts = [
-        markup('<text x="8" y="{}" fill="{}" font-weight="600">{}</text>', top + 60, PAPER.title, scene["title"]),
-        markup('<text x="8" y="{}" fill="{}">{}</text>', top + 76, PAPER.note, scene["detail"]),
+        markup(
+            '<text x="8" y="{}" fill="{}"><tspan fill="{}" font-weight="600">{}</tspan> {}</text>',
+            top + 18,
+            PAPER.note,
+            PAPER.title,
+            scene["title"],
+            scene["detail"],
+        )
     ]
-    given = f"{len(row.keys)} of {truth['frames']} frames given"
-    parts.append(markup('<text x="8" y="{}" fill="{}" font-size="11">{}</text>', top + 92, PAPER.key, given))
-    parts.append(_cell(row, LABEL, base, _keys_svg(row), "keys", PAPER.key))
+    given = f"keys: {len(row.keys)} of {truth['frames']} frames"
+    parts.append(_cell(row, LEFT, base, _keys_svg(row), given, PAPER.key))
     missing = np.setdiff1d(np.arange(truth["frames"]), row.keys)
     for column, motion in enumerate(others):
         colour = PAPER.methods[column % len(PAPER.methods)]
         figures = joined([_truth_svg(row, drawn=column > 0), _motion_svg(row, column + 1, colour, 2.2)])
         note = distance_note(truth, motion, missing)
-        parts.append(_cell(row, LABEL + (column + 1) * CELL, base, figures, note, colour))
+        parts.append(_cell(row, LEFT + (column + 1) * CELL, base, figures, note, colour))
     return joined(parts)
 
 
 def _cell(row: _Row, left: int, base: int, figures: Markup, note: str, colour: str) -> Markup:
-    """Figures on the ground, with the timeline and a note below them."""
+    """Figures on the ground, with the timeline and a note, NAME: FACT, in two lines below them."""
     right, middle = left + CELL - 14, left + (CELL - 14) / 2
     dash = MARK_M * row.scale / SHARPNESS
+    name, _, fact = note.partition(": ")
     offsets = _list(f"{each / SHARPNESS:.1f}" for each in row.travelled)
     ground = markup(
         '<path class="moving" d="M{} {}H{}" stroke="{}" stroke-width="3" stroke-dasharray="0 {:.1f}">{}</path>',
@@ -133,7 +141,10 @@ def _cell(row: _Row, left: int, base: int, figures: Markup, note: str, colour: s
         markup('<path d="M{} {}H{}" stroke="{}"/>', left, base + 2, right, PAPER.ground), ground,
         _timeline(row, left, right, base + 13),
         markup('<g transform="translate({} {}) scale({})">{}</g>', middle, base, 1 / SHARPNESS, figures),
-        markup('<text x="{}" y="{}" fill="{}" font-size="11">{}</text>', left, base + 29, colour, note),
+        markup(
+            '<text x="{}" y="{}" fill="{}">{}<tspan x="{}" dy="18">{}</tspan></text>',
+            left, base + 32, colour, f"{name}: " if fact else name, left, fact,
+        ),
     ])  # fmt: skip
 
 

@@ -28,8 +28,14 @@ _FILES = {path.relative_to(ASSETS).as_posix(): path for path in ASSETS.rglob("*"
 Answer = Callable[[dict[str, Any]], Any]  # what the body and the path say -> plain data
 
 
-def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
-    """The application. first: the recording that a new page opens, a name in the folder."""
+def guarded_app(
+    bench: Bench, token: str, port: int, first: str = "", shown: Callable[[], None] = lambda: None
+) -> App:
+    """The application.
+
+    Args:
+        first: the recording that a new page opens, a name in the folder. shown: called when a page has got a motion.
+    """
 
     def session(asked: dict[str, Any]) -> dict[str, Any]:
         return bench.shown(bench.sessions.load(asked["session"]))
@@ -83,7 +89,9 @@ def guarded_app(bench: Bench, token: str, port: int, first: str = "") -> App:
         return bench.scene(asked["session"], asked["motion"]).description
 
     def points(asked: dict[str, Any]) -> bytes:
-        return bench.scene(asked["session"], asked["motion"]).points
+        found = bench.scene(asked["session"], asked["motion"]).points
+        shown()
+        return found
 
     def plain(asked: dict[str, Any]) -> dict[str, Any]:
         return bench.plain_scene(asked["session"]).description
@@ -146,7 +154,7 @@ def _upload(bench: Bench) -> Callable[[Request], Any]:
             opened = await run_in_threadpool(bench.open_bytes, asked.get("name", ""), data, *about)
         except Exception as error:
             return _fault(error)
-        return JSONResponse(bench.shown(opened))
+        return _AsciiJson(bench.shown(opened))
 
     return endpoint
 

@@ -43,7 +43,10 @@ class Bench:
         self._plain_scene_of = lru_cache(maxsize=2)(plain_scene_of)  # asked for twice: description and points
 
     def warm(self) -> None:
-        """Load the models, so that the first fill need not."""
+        """Begin to load the models, so that the first fill need not; once, and without waiting for them.
+
+        The page asks for it with the first motion that it shows, since loading would slow its opening down.
+        """
         self._worker.start()
 
     def close(self) -> None:
@@ -249,7 +252,9 @@ class Bench:
     def _run(self, stage: str, values: dict[str, Any], output: Path, told: Told) -> StageReport:
         try:
             told(f"pumps {stage}", 0, 0)
-            return self._worker.run(stage, {**values, "output": output}, told)
+            report = self._worker.run(stage, {**values, "output": output}, told)
+            told(f"pumps {stage}", 0, 0)  # it may have been cancelled when the stage was ready
+            return report
         except (CancelledError, PumpsError):
             for path in output.parent.glob(f"{output.name.partition('.')[0]}.*"):
                 path.unlink(missing_ok=True)

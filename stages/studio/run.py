@@ -86,12 +86,11 @@ def _serve(
 
     token = new_token()
     bench = Bench(folder, weights, config.device)
-    bench.warm()
     settings: dict[str, Any] = {
         "log_level": "warning", "access_log": False, "server_header": False, "lifespan": "off", "ws": "none",
         "proxy_headers": False, "timeout_graceful_shutdown": 1, "limit_concurrency": 64,
     }  # fmt: skip
-    server = uvicorn.Server(uvicorn.Config(guarded_app(bench, token, port, first), **settings))
+    server = uvicorn.Server(uvicorn.Config(guarded_app(bench, token, port, first, bench.warm), **settings))
     address = f"http://{ADDRESS}:{port}/{token}/"
     progress.message(f"The studio is open at {address}\nInterrupt it (Ctrl-C) to close it; nothing is lost.")
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shlex
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from data_schemas.errors import InputError, UsageError
@@ -52,12 +53,23 @@ def save(
         path = folder.new_file(each, overwrite)
         if path.exists() and any(other.exists() and path.samefile(other) for other in opened):
             raise UsageError(f"{each} is a recording that this session reads.", "Choose another name.")
+    if suffix != ".bvh":
+        written[target] = _exported(folder, made, written.get(made), target)  # before anything is written
     for each, data in written.items():
         write_whole(folder.path / each, data)
-    if suffix != ".bvh":  # of the file that the command reads, as some formats hold the name of the clip
-        values = {"input": str(folder.path / made), "output": folder.path / target, "overwrite": overwrite}
-        stage_named("export").runner()(config_of("export", values))
     return {"files": names, "commands": lines}
+
+
+def _exported(folder: Folder, made: str, data: bytes | None, target: str) -> bytes:
+    """What `pumps export` writes of a BVH of the folder, whose `data` are given if it is not written yet. Its name
+    counts, as some formats hold the name of the clip. Raises as the stage does."""
+    with TemporaryDirectory(dir=folder.sessions(), prefix=".saved-") as place:
+        source, output = folder.path / made, Path(place) / target
+        if data is not None:
+            source = Path(place) / made
+            write_whole(source, data)
+        stage_named("export").runner()(config_of("export", {"input": str(source), "output": output}))
+        return output.read_bytes()
 
 
 def _commands(folder: Folder, session: Session, motion: str, stem: str) -> tuple[list[str], dict[str, bytes], str]:

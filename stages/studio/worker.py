@@ -38,14 +38,15 @@ class Worker:
     def __init__(self, weights: str, device: str) -> None:
         self._settings = (weights, device)
         self._lock = threading.Lock()
-        self._cancelled = False
+        self._cancelled = self._closed = False
         self._process: Any = None
         self._connection: Any = None
 
     def start(self) -> None:
-        """Start the process with warm models, before the first work comes."""
+        """Start the process with warm models, before the first work comes; no second one."""
         with self._lock:
-            self._start(warm=True)
+            if self._process is None and not self._closed:
+                self._start(warm=True)
 
     def run(self, stage: str, values: dict[str, Any], told: Told) -> StageReport:
         """Run a stage and wait for it.
@@ -89,6 +90,7 @@ class Worker:
     def close(self) -> None:
         """End the process."""
         with self._lock:
+            self._closed = True
             self._end()
 
     def _start(self, *, warm: bool) -> None:

@@ -2,7 +2,8 @@
 
     python in_blender.py ADD_ON PROGRAM CASE
 
-It prints one JSON object. Cases: whole, arm (only selected bones), refused.
+It prints one JSON object. Cases: whole, arm (only selected bones), refused, range (keys after it, in which
+quaternions have the other sign), empty (an action without keys).
 """
 
 import importlib.util
@@ -61,6 +62,16 @@ def figure():
     return armature
 
 
+def turn_signs(curves):
+    """Give the quaternions of all keys but the first the other sign, which is the same rotation."""
+    for curve in curves:
+        for point in curve.keyframe_points if curve.data_path.endswith("quaternion") else ():
+            if point.co[0] > KEYS[0]:
+                for end in (point.co, point.handle_left, point.handle_right):
+                    end[1] *= -1
+        curve.update()
+
+
 def poses(armature):
     """frame -> bone -> rows of its matrix in the world."""
     out = {}
@@ -81,6 +92,11 @@ def main(add_on, program, case):
     module.register()
     bpy.context.preferences.addons["pumps_blender"].preferences.program = program
     scene = bpy.context.scene
+    if case == "range":
+        scene.frame_end = 20
+        turn_signs(module.curves_of(armature))
+    if case == "empty":
+        armature.animation_data.action = bpy.data.actions.new("Nothing")
     before, old = poses(armature), armature.animation_data.action
     for bone in armature.pose.bones:
         selected = case == "arm" and bone.name.endswith(("arm.L", "hand.L"))

@@ -75,6 +75,18 @@ def test_only_the_selected_bones_are_filled(program: Path) -> None:
     assert max(moved(said, frame, ARM) for frame in range(1, 31)) > 1e-4
 
 
+def test_what_follows_the_filled_range_stays_as_it_is(program: Path) -> None:
+    said = filled(program, "range")
+    assert said["outcome"] == ["FINISHED"], said["error"]
+    assert said["keyed"] == list(KEYS)
+    assert max(moved(said, frame) for frame in (1, *range(13, 41))) < 1e-5
+
+
+def test_an_action_without_keys_is_refused(program: Path) -> None:
+    said = filled(program, "empty")
+    assert said["outcome"] == ["CANCELLED"] and "There are 0 keys from frame 1 to 40." in said["error"]
+
+
 def test_bones_with_constraints_are_refused(program: Path) -> None:
     said = filled(program, "refused")
     assert said["outcome"] == ["CANCELLED"]

@@ -89,7 +89,7 @@ def test_the_truth_of_a_row_is_written_once_and_stands_in_every_cell() -> None:
 
 def test_the_note_says_how_far_the_missing_frames_are_from_the_truth() -> None:
     texts = "".join(ElementTree.fromstring(animation_svg([scene(offset=0.25)])).itertext())
-    assert "it: 250 mm from truth" in texts and "<odd>" in texts and "2 of 31 frames given" in texts
+    assert "it: 250 mm from truth" in texts and "<odd>" in texts and "2 of 31 frames" in texts
 
 
 def test_the_stage_writes_the_scenes_asked_for(tmp_path: Path) -> None:

@@ -220,3 +220,49 @@ def test_a_walk_through_the_page(
         for url in asked
         if "127.0.0.1" not in url and not url.startswith("file:")
     } == set()
+
+
+def test_what_waits_on_a_page_replaces_nothing_of_another(browser: Any, tmp_path: Path) -> None:
+    shutil.copy(CLIPS / "walk.bvh", tmp_path)
+    shutil.copy(CLIPS / "kick.bvh", tmp_path)
+    ready = "window.studio?.begun && studio.motions.size"
+    with studio(tmp_path) as address:
+        first = browser.new_page()
+        first.goto(address)
+        until(first, ready)
+        second = browser.new_page()
+        second.goto(f"{address}{first.evaluate('location.hash')}")
+        until(second, ready)
+        assert second.evaluate("studio.session.id") == first.evaluate("studio.session.id")
+        second.fill("#seed", "7")
+        second.press("#seed", "Enter")
+        until(second, "studio.session.undo === 'Chose a seed'")
+        second.close()
+        # Two changes at once, of a page that does not know the seed: the first is refused, and the second is dropped.
+        first.evaluate("studio.timeline.listen.moveKey('', 30, 31); studio.timeline.listen.moveKey('', 45, 46)")
+        until(first, "document.getElementById('status').textContent.includes('Another page')")
+        until(first, "document.getElementById('seed').value === '7'")
+        first.keyboard.press("k")  # what follows knows it
+        until(first, "studio.session.undo === 'Removed a key'")
+        kept = first.evaluate("studio.session.state.settings")
+        assert kept["seed"] == 7 and kept["constraints"]["keyframes"].startswith("15,30,45,60")
+        # One button cancels all that runs or waits.
+        first.fill("#samples", "8")
+        first.evaluate("document.activeElement.blur()")
+        first.keyboard.press("f")
+        first.keyboard.press("f")
+        until(first, "studio.jobs() === 2")
+        first.click("#cancel")
+        until(first, "document.getElementById('cancel').hidden && studio.jobs() === 0")
+        assert first.evaluate("studio.session.state.results") == []
+        # The name of a saved file is that of the motion shown, and replacing is chosen each time.
+        first.keyboard.press("Control+s")
+        assert first.input_value("#name") == "walk.filled.bvh"
+        first.check("#overwrite")
+        first.click("#save-close")
+        first.keyboard.press("o")
+        first.click("#files button:has-text('kick.bvh')")
+        until(first, "document.getElementById('file').textContent.startsWith('kick.bvh')")
+        first.keyboard.press("Control+s")
+        assert first.input_value("#name") == "kick.filled.bvh" and not first.is_checked("#overwrite")
+        first.close()

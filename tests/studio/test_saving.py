@@ -144,3 +144,24 @@ def test_a_session_of_another_person_adds_no_option_to_commands(changed: dict[st
     assert command_line(record, "a.bvh", "b.bvh") == "pumps infill a.bvh --seed=1 --device=cpu -o b.bvh"
     with pytest.raises(InputError, match="damaged"):
         command_line(record.model_copy(update=changed), "a.bvh", "b.bvh")
+
+
+def test_an_export_that_fails_leaves_the_folder_as_it_was(page: Page) -> None:
+    page.bench.folder.new_file("many.bvh", False).write_bytes((CLIPS / "kick.bvh").read_bytes())
+    session = opened(page, "many.bvh")
+    session = page.wait(page.post(session, "edit", verb="mirror", options={})) and page.session(session)
+    folder = page.bench.folder.path
+    (folder / "wrong.bvh").write_bytes(b"earlier")
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    (folder / "wrong.glb").mkdir()
+    assert "exists" in saved(page, session, "wrong.glb", 400, overwrite=True)["error"]
+    (folder / "wrong.glb").rmdir()
+    motion = page.bench.sessions.bvh(page.bench.sessions.load(session["id"]), session["state"]["motion"])
+    whole = motion.read_bytes()
+    motion.write_bytes(whole[:-200])  # damaged on the disk, so that it cannot be exported
+    try:
+        assert saved(page, session, "wrong.glb", 404, overwrite=True)["error"]
+    finally:
+        motion.write_bytes(whole)
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+    assert not list(page.bench.folder.sessions().glob(".saved-*"))

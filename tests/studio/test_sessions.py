@@ -8,6 +8,7 @@ import shlex
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -288,3 +289,36 @@ def test_what_a_cancelled_stage_still_sends_answers_no_later_call(tmp_path: Path
         assert report.output == tmp_path / "next.csv" and (tmp_path / "next.csv").exists()
     finally:
         worker.close()
+
+
+def test_a_stage_that_is_ready_when_it_is_cancelled_adds_no_motion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with bench_in(tmp_path / "folder", "kick") as bench:
+        page = Page(bench)
+        session = page.ask("open", "POST", {"file": "kick.bvh"})
+        run = bench._worker.run
+
+        def ready(stage: str, values: dict[str, Any], told: Any) -> Any:
+            report = run(stage, values, told)
+            (job,) = bench.jobs.of(session["id"])
+            job.state = "cancelled"
+            return report
+
+        monkeypatch.setattr(bench._worker, "run", ready)
+        job = page.wait(page.post(session, "edit", verb="mirror", options={}))
+        assert job["state"] == "cancelled"
+        bench.jobs.close()
+        bench.jobs._thread.join()
+        assert list(page.session(session)["motions"]) == ["m1"]
+        assert {path.stem for path in bench.sessions.folder(session["id"]).glob("m*.*")} == {"m1"}
+
+
+def test_models_are_loaded_once_and_not_after_the_end(tmp_path: Path) -> None:
+    with bench_in(tmp_path / "folder") as bench:
+        bench.warm()
+        process = bench._worker._process
+        bench.warm()
+        assert bench._worker._process is process
+    bench.warm()
+    assert not process.is_alive() and bench._worker._process is process

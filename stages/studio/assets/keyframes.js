@@ -4,7 +4,7 @@
 export function framesOf(text, frames) {
   const found = new Set();
   for (const part of (text || "").split(/[,\s]+/).filter(Boolean)) {
-    const range = /^(\d+)-(\d+)$/.exec(part), every = /^every:(\d+)$/.exec(part);
+    const range = /^(\d+)-(\d+)$/.exec(part), every = /^every:0*([1-9]\d*)$/.exec(part);
     if (part === "all") for (let f = 0; f < frames; f++) found.add(f);
     else if (every) { for (let f = 0; f < frames; f += Number(every[1])) found.add(f); found.add(frames - 1); }
     else if (range) for (let f = Number(range[1]); f <= Math.min(Number(range[2]), frames - 1); f++) found.add(f);

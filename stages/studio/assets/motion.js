@@ -47,8 +47,10 @@ export class Motion {
   // Mean distance of the points from another motion's in each frame, millimetres; null where the bodies differ.
   distances(other) {
     if (other.nodes !== this.nodes || other === this) return null;
+    const seen = this._distances; // many changes of the page leave both motions as they are
+    if (seen && seen.other === other && seen.there === this.there && seen.thereToo === other.there) return seen.found;
     const a = [0, 0, 0], b = [0, 0, 0], frames = Math.min(this.there, other.there);
-    return Float32Array.from({ length: frames }, (_, f) => {
+    const found = Float32Array.from({ length: frames }, (_, f) => {
       let sum = 0;
       for (let n = 0; n < this.nodes; n++) {
         this.at(f, n, a);
@@ -57,5 +59,7 @@ export class Motion {
       }
       return 1000 * sum / this.nodes;
     });
+    this._distances = { other, there: this.there, thereToo: other.there, found };
+    return found;
   }
 }

@@ -13,8 +13,8 @@ const KEYS = [["Space", "play or pause"], ["← →", "a frame; with Shift 10"],
   ["K", "set or remove a keyframe"], ["Alt ← →", "move the keyframe here"], ["[ ]", "range begins, ends here"], ["Esc", "no range"],
   ["F", "fill"], ["X", "exchange A and B"], ["C", "next way to compare"], ["G", "ghost of plain interpolation"], ["+ −", "zoom the timeline"], ["Ctrl Z", "undo; with Shift redo"], ["Ctrl S", "save"], ["?", "these keys"]];
 const studio = window.studio = { session: null, motions: new Map(), shown: { a: "", b: "" }, frame: 0, range: null, playing: false, drawing: null };
-let sending = Promise.resolve(), colours = {};
-const plain = new Plain(), watched = new Set(); // ids of jobs whose progress is asked for
+let sending = Promise.resolve(), failures = 0, colours = {};
+const plain = new Plain(), watched = new Map(); // id -> path of the jobs whose progress is asked for, the oldest first
 
 const view = new View(byId("view"));
 const timeline = new Timeline(byId("timeline"), {
@@ -40,10 +40,18 @@ function say(text, bad = false) {
 // Run what talks to the server, one after another. After an error the page says it, and shows what the server holds.
 function send(work) {
   sending = sending.then(work).catch(async (error) => {
+    failures++;
     say(error.message, true);
     if (studio.session) await ask(`sessions/${studio.session.id}`).then(receive).catch(() => {});
   });
   return sending;
+}
+
+// As `send`, for what a person asked on the ground of what the page showed: it is dropped if something failed since, as
+// the page shows other settings now. Sent all the same, it would replace what another page has changed.
+function sendIfNothingFails(work) {
+  const before = failures;
+  return send(async () => { if (failures === before) await work(); });
 }
 
 async function receive(session) {
@@ -79,7 +87,7 @@ function change(label, constraints, more = {}) {
   studio.session = { ...studio.session, state: { ...state(), settings } };
   refresh();
   const id = studio.session.id;
-  send(async () => {
+  sendIfNothingFails(async () => {
     const answer = await ask(`sessions/${id}/settings`, "PUT", { revision: studio.session.revision, label, settings });
     studio.session = { ...studio.session, revision: answer.revision, undo: answer.undo, redo: answer.redo, motions: answer.motions };
     refresh();
@@ -90,7 +98,7 @@ const changeKeys = (label, which, make) => change(label, withKeys(asked(), which
 const toggleKey = () => changeKeys(keysOf(asked(), row(), frames()).includes(studio.frame) ? "Removed a key" : "Set a key", row(), (keys) => toggled(keys, studio.frame));
 
 function post(path, body) {
-  if (studio.session) send(async () => receive(await ask(`sessions/${studio.session.id}/${path}`, "POST", { revision: studio.session.revision, ...body })));
+  if (studio.session) sendIfNothingFails(async () => receive(await ask(`sessions/${studio.session.id}/${path}`, "POST", { revision: studio.session.revision, ...body })));
 }
 
 function open(name, blob = null, aside = false) {
@@ -112,10 +120,9 @@ function open(name, blob = null, aside = false) {
 
 function watch(job) {
   if (watched.has(job.id)) return;
-  watched.add(job.id);
-  byId("cancel").hidden = byId("progress").hidden = false;
   const path = `sessions/${studio.session.id}/jobs/${job.id}`, began = performance.now();
-  byId("cancel").onclick = () => ask(path, "DELETE").catch((error) => say(error.message, true));
+  watched.set(job.id, path);
+  byId("cancel").hidden = byId("progress").hidden = false;
   const look = async () => {
     let now;
     try { now = await ask(path); } catch (error) { now = { state: "failed", error: error.message }; }
@@ -136,10 +143,15 @@ function watch(job) {
 }
 
 function work(path, body) {
-  if (base()) send(async () => watch(await ask(`sessions/${studio.session.id}/${path}`, "POST", body)));
+  if (base()) sendIfNothingFails(async () => watch(await ask(`sessions/${studio.session.id}/${path}`, "POST", body)));
 }
 
 const fill = () => { say("waiting"); work("fill", { samples: Number(byId("samples").value) || 1 }); };
+
+// End all that runs or waits, the latest first, so that nothing that waits begins.
+async function cancel() {
+  for (const path of [...watched.values()].reverse()) await ask(path, "DELETE").catch((error) => say(error.message, true));
+}
 
 function edit(verb, options, other) {
   if (!base()) return;
@@ -287,15 +299,24 @@ function listen() {
   const click = (id, act) => byId(id).addEventListener("click", act);
   const files = () => showFiles(open, (id) => { byId("open-dialog").close(); send(async () => receive(await ask(`sessions/${id}`))); });
   const undo = () => post("history", { move: "undo" }), redo = () => post("history", { move: "redo" });
-  const save = () => { if (base()) { byId("saved").textContent = ""; byId("commands").hidden = true; byId("save-dialog").showModal(); byId("name").value ||= `${session0()}.filled.bvh`; } };
-  const session0 = () => studio.session.motions[state().motion].name.replace(/\.[^.]*$/, "").replace(/[^\w-]/g, "_");
+  let named = ""; // the session whose file the dialog names
+  const save = () => {
+    if (!base()) return;
+    if (named !== studio.session.id) byId("name").value = `${plainName()}.filled.bvh`;
+    named = studio.session.id;
+    byId("saved").textContent = "";
+    byId("commands").hidden = true;
+    byId("overwrite").checked = false; // asked for each time
+    byId("save-dialog").showModal();
+  };
+  const plainName = () => studio.session.motions[state().motion].name.replace(/\.[^.]*$/, "").replace(/[^\w-]/g, "_");
   const swap = () => { const { a, b } = studio.shown; studio.shown = { a: b, b: a }; refresh(); };
   const ghost = () => { byId("ghost-plain").checked = !byId("ghost-plain").checked; refresh(); };
   const compare = () => { const select = byId("compare"); select.selectedIndex = (select.selectedIndex + 1) % select.options.length; refresh(); };
   const off = () => { studio.range = null; stopDrawing(); refresh(); };
   click("open", files); click("undo", undo); click("redo", redo); click("save", save); click("play", () => play(!studio.playing));
   click("back", () => step(-1)); click("forward", () => step(1)); click("key-back", () => jumpKey(-1)); click("key-forward", () => jumpKey(1));
-  click("key", toggleKey); click("fill", fill); click("swap", swap); click("theme", () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
+  click("key", toggleKey); click("fill", fill); click("cancel", cancel); click("swap", swap); click("theme", () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
   click("range-from", () => setRange(0)); click("range-to", () => setRange(1)); click("range-off", off);
   click("zoom-in", () => timeline.zoom(0.5)); click("zoom-out", () => timeline.zoom(2)); click("keys-help", () => byId("keys-dialog").showModal());
   click("key-every", () => changeKeys("Set keys evenly", row(), (keys) => {
@@ -391,6 +412,7 @@ function listenInView(stopDrawing) {
 
 async function begin() {
   studio.place = 0;
+  studio.jobs = () => watched.size; // for tests
   const start = await ask("start");
   fillSelect(byId("weights"), start.weights);
   byId("surface").disabled = !start.bodies;

@@ -11,7 +11,7 @@ export class Timeline {
     canvas.addEventListener("pointermove", (e) => this.drag(e));
     canvas.addEventListener("pointerup", (e) => this.drop(e));
     canvas.addEventListener("pointercancel", () => { this.held = null; this.draw(); });
-    canvas.addEventListener("wheel", (e) => { e.preventDefault(); this.zoom(Math.exp(e.deltaY * 0.002), this.frameAt(e.offsetX)); }, { passive: false });
+    canvas.addEventListener("wheel", (e) => { e.preventDefault(); if (this.data) this.zoom(Math.exp(e.deltaY * 0.002), this.frameAt(e.offsetX)); }, { passive: false });
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
@@ -23,6 +23,7 @@ export class Timeline {
   }
 
   zoom(factor, around = this.frame) {
+    if (!this.data) return;
     const most = Math.max(1, this.data.frames - 1), span = Math.max(20, Math.min(most, (this.last - this.first) * factor));
     const share = (around - this.first) / (this.last - this.first);
     this.first = Math.max(0, Math.min(most - span, around - share * span));

@@ -34,6 +34,7 @@ export class View {
     this.shown = { a: null, b: null, mode: "one", share: 0.5 };
     this.last = new THREE.Vector3();
     this.disc = new THREE.CircleGeometry(0.07, 20).rotateX(-Math.PI / 2);
+    this.handle = new THREE.OctahedronGeometry(0.045);
     this.point = [0, 0, 0];
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
@@ -105,7 +106,11 @@ export class View {
 
   // contacts: places (x, z) of feet that stand; pins: [{place, held}]; path: places (x, z).
   mark(contacts, pins, path) {
-    for (const mesh of [...this.marks.children]) { this.marks.remove(mesh); mesh.material.dispose(); }
+    for (const mesh of [...this.marks.children]) {
+      this.marks.remove(mesh);
+      mesh.material.dispose();
+      if (mesh.geometry !== this.disc && mesh.geometry !== this.handle) mesh.geometry.dispose();
+    }
     const flat = (this.floor || 0) + 0.006;
     for (const [x, z] of contacts) {
       const mesh = new THREE.Mesh(this.disc, new THREE.MeshBasicMaterial({ color: this.colours.path, transparent: true, opacity: 0.75 }));
@@ -113,7 +118,7 @@ export class View {
       this.marks.add(mesh);
     }
     for (const pin of pins) {
-      const mesh = new THREE.Mesh(new THREE.OctahedronGeometry(0.045), new THREE.MeshBasicMaterial({ color: this.colours.key, depthTest: false }));
+      const mesh = new THREE.Mesh(this.handle, new THREE.MeshBasicMaterial({ color: this.colours.key, depthTest: false }));
       mesh.position.fromArray(pin.place);
       mesh.renderOrder = 2;
       mesh.userData.pin = pin.index;
