@@ -1,16 +1,17 @@
 """What `pumps edit` does to real clips: mirror, resample, loop and join, beside the truth where there is one.
 
-    python benchmarks/whole_files.py [ARCHIVE ...] [--most 4] [--weights NAME]
+    python benchmarks/whole_files.py [ARCHIVE ...] [--most 4] [--weights NAME] [--page FILE.md]
 
 Without archives: the families of ../shared/data below. Of each, `--most` clips, evenly chosen, up to six seconds from
 the middle of each.
 
 mirror:   distance of each joint from its partner's image, and of a motion mirrored twice from itself.
 resample: every second frame is left out and made again; the error in the frames made, beside slerp.
-loop:     the first three seconds; change of velocity at the seams (mean over the body's joints), over the clip's own.
+loop:     the first three seconds; change of velocity at the seams (mean over the body's joints) over the clip's own,
+          and the largest in the added frames over twice the clip's own (or what 95% of its frames have, if more).
 join:     half a second in the middle is left out, and the second part is turned and shifted away. Measured: the
           distance and the turn from its true place after joining; the error of the filled frames beside plain
-          interpolation; the seams' change of velocity over the clip's own.
+          interpolation; the changes of velocity as in a loop.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from measuring.section import replace_section
 
 from data_schemas.errors import InputError
 from data_schemas.skeleton import Motion, Skeleton
-from stages.shared.editing.bridging import joined, looped
+from stages.shared.editing.bridging import SMOOTH_SEAM, joined, looped
 from stages.shared.editing.mirror import mirror_of, mirrored
 from stages.shared.editing.motion_files import motion_file
 from stages.shared.editing.placing import Placement
@@ -41,6 +43,8 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 FAMILIES = ("bandai-namco-1", "bandai-namco-2", "cmu-asfamc", "cmu-dance", "hdm05", "lafan1-g1", "reactidle")
 SECONDS, LOOP_S, GAP_S = 6.0, 3.0, 0.5
 AWAY = Placement(2.0, np.zeros(3), np.array([3.0, 0.0, -5.0]))  # where the second part is put before it is joined
+
+SECTION = "whole files"
 
 Figures = dict[str, list[float]]
 
@@ -102,15 +106,14 @@ def measure(skeleton: Skeleton, motion: Motion, weights: str, out: Figures) -> N
 
     models = kept_models(weights, "cpu")
     loop = looped(skeleton, motion.at(slice(0, round(LOOP_S * motion.fps))), lambda: models)
-    assert loop.seams is not None
-    out["loop seam"].append(float(loop.seams.jumps_mps.max() / loop.seams.usual_mps))
-    out["loop frames / fps"].append(float(loop.edited.bridged.sum() / motion.fps))
+    for name, ratio in zip(("loop seam", "loop within"), loop.seams.ratios, strict=True):
+        out[name].append(ratio)
+    out["loop s"].append(float(loop.edited.bridged.sum() / motion.fps))
 
     count = round(GAP_S * motion.fps)
     first, then = motion.frames // 2 - count // 2, motion.frames // 2 - count // 2 + count
     rest = motion.at(slice(then, None))
     join = joined(skeleton, motion.at(slice(0, first)), AWAY.of_motion(rest), lambda: models, seconds=GAP_S)
-    assert join.seams is not None
     put = join.edited.motion.at(slice(then, None))
     pelvis = [positions_of(skeleton, each)[0, skeleton.root] for each in (put, rest)]
     out["place cm"].append(100 * float(np.linalg.norm(pelvis[0] - pelvis[1])))
@@ -121,39 +124,44 @@ def measure(skeleton: Skeleton, motion: Motion, weights: str, out: Figures) -> N
     true = motion.at(slice(first, then))
     out["filled mm"].append(error_mm(skeleton, join.edited.motion.at(slice(first, then)), true))
     out["plain mm"].append(error_mm(skeleton, plain(skeleton, join.edited.motion, known, None), true))
-    out["join seam"].append(float(join.seams.jumps_mps.max() / join.seams.usual_mps))
+    for name, ratio in zip(("join seam", "join within"), join.seams.ratios, strict=True):
+        out[name].append(ratio)
 
 
 def main() -> None:
-    """Print one row for each archive, and one for all clips."""
+    """Print one row for each archive, and one for all clips; with --page, also write them into the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("archives", nargs="*", type=Path, default=[DATA / f"{name}.zip" for name in FAMILIES])
     parser.add_argument("--most", type=int, default=4)
     parser.add_argument("--weights", default="small-free")
+    parser.add_argument("--page", type=Path, help="page whose section gets the table")
     given = parser.parse_args()
     total: Figures = defaultdict(list)
-    shown = False
+    rows: list[str] = []
     for archive in given.archives:
         out: Figures = defaultdict(list)
         for skeleton, motion in clips_of(archive, given.most):
             measure(skeleton, motion, given.weights, out)
         for name, values in out.items():
             total[name] += values
-        if out and not shown:
-            print("| archive | clips | " + " | ".join(out) + " | loop seams under 1.2 |")
-            print("|---" * (len(out) + 3) + "|")
-            shown = True
-        print(row_of(archive.name, out))
-    print(row_of("all", total))
+        rows.append(row_of(archive.name, out))
+        print(rows[-1], flush=True)
+    rows.append(row_of("all", total))
+    head = ["archive", "clips", *total, f"seams under {SMOOTH_SEAM:g}"]
+    table = "\n".join([f"| {' | '.join(head)} |", "|---" + "|---:" * (len(head) - 1) + "|", *rows])
+    print(table)
+    if given.page:
+        replace_section(given.page, SECTION, table)
 
 
 def row_of(name: str, out: Figures) -> str:
-    """A row of means; of seams, the means and how many are under 1.2."""
+    """A row of means, and how many clips have seams under the limit of a smooth one, in loops and in joins."""
     if not out:
         return f"| {name} | 0 |"
     cells = " | ".join(f"{np.mean(values):.3g}" for values in out.values())
-    good = sum(value < 1.2 for value in out["loop seam"])
-    return f"| {name} | {len(out['loop seam'])} | {cells} | {good} of {len(out['loop seam'])} |"
+    good = [sum(value < SMOOTH_SEAM for value in out[f"{verb} seam"]) for verb in ("loop", "join")]
+    clips = len(out["loop seam"])
+    return f"| {name} | {clips} | {cells} | {good[0]} and {good[1]} of {clips} |"
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.tables import counted
 from stages.shared.weights.licence_names import licence_names
 
 
@@ -177,8 +178,8 @@ def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str],
     gap_s = filled.longest_gap_s
     gist = [f"Note: {note}" for note in warnings]
     gist.append(
-        f"Filled {len(missing)} of {request.frames} frames from {len(request.keys)} keys in {seconds:.2f} s; "
-        f"the longest gap is {gap_s:.2f} s ({gap_s * filled.motion.fps:.0f} frames)."
+        f"Filled {len(missing)} of {request.frames} frames from {counted(len(request.keys), 'key')} in "
+        f"{seconds:.2f} s; the longest gap is {gap_s:.2f} s ({gap_s * filled.motion.fps:.0f} frames)."
     )
     lines = [*gist, *lines_of_fallbacks(fallbacks)]
     lines += lines_of_jumps(frames, filled.jumps_mps, filled.base_jumps_mps)

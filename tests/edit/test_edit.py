@@ -145,9 +145,48 @@ def test_join_puts_the_second_clip_where_the_first_ends(tmp_path: Path, weights:
     assert np.abs(np.diff(made.values[:, 3:6], axis=0)).max() < 180  # no whole turn between frames
 
 
-def test_join_without_a_gap_needs_no_weights(tmp_path: Path):
-    edit("join", WALK, tmp_path / "j.bvh", then=WALK, blend=0, weights="none there")
-    assert read(tmp_path / "j.bvh").frames == 2 * read(WALK).frames
+def test_join_without_a_gap_needs_no_weights_and_tells_of_the_jerk(tmp_path: Path):
+    report = edit("join", WALK, tmp_path / "j.bvh", then=RUN, blend=0, weights="none there")
+    assert read(tmp_path / "j.bvh").frames == read(WALK).frames + read(RUN).frames
+    assert min(report.figures["seam_jumps_mps"]) > 1.2 * report.figures["usual_jump_mps"]
+    assert report.lines[0].startswith("Filled no frame") and "jerk" in report.lines[1]
+
+
+def test_the_largest_bend_of_a_bridge_is_told(tmp_path: Path, weights: str):
+    """In half a second it is smooth; in two frames it is not, and the summary says so."""
+    largest = {}
+    for blend in (0.5, 0.07):
+        out = tmp_path / f"{blend}.bvh"
+        report = edit("join", WALK, out, then=RUN, blend=blend, weights=weights, device="cpu")
+        skeleton, motion, _ = motion_of(read(out))
+        places = positions_of(skeleton, motion)[:, skeleton.groups >= 0]
+        bends = np.linalg.norm(np.diff(places, n=2, axis=0), axis=-1).mean(axis=1) * motion.fps
+        first = read(WALK).frames
+        count = report.figures["bridge_frames"]
+        largest[blend] = report.figures["bridge_jump_mps"]
+        assert largest[blend] == pytest.approx(bends[first - 1 : first - 1 + count].max(), rel=0.02)
+        assert any("jerk" in line for line in report.lines) == (blend < 0.1)
+    assert largest[0.07] > 2 * largest[0.5]
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_join_refuses_a_clip_that_shows_no_speed(frames: int, tmp_path: Path):
+    edit("trim", WALK, tmp_path / "short.bvh", frames=f":{frames}")
+    for first, second in ((WALK, tmp_path / "short.bvh"), (tmp_path / "short.bvh", WALK)):
+        with pytest.raises(InputError, match="no speed at its ends"):
+            edit("join", first, tmp_path / "j.bvh", then=second)
+    assert not (tmp_path / "j.bvh").exists()
+
+
+def test_times_may_have_their_unit(tmp_path: Path, weights: str):
+    out = tmp_path / "j.bvh"
+    edit("join", WALK, out, then=RUN, blend="0.2s", weights=weights, device="cpu")
+    assert read(out).frames == read(WALK).frames + 6 + read(RUN).frames
+    edit("smooth", WALK, tmp_path / "a.bvh", seconds="0.2 s")
+    edit("smooth", WALK, tmp_path / "b.bvh", seconds=0.2)
+    assert (tmp_path / "a.bvh").read_bytes() == (tmp_path / "b.bvh").read_bytes()
+    with pytest.raises(ValueError, match="valid number"):
+        edit("smooth", WALK, tmp_path / "c.bvh", seconds="0.2ms")
 
 
 def test_the_continuation_of_a_clip_is_put_where_it_was():

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig
-from stages.shared.editing.settings import EditConfig
+from stages.shared.editing.settings import EditConfig, seconds_in
 from stages.shared.weights.shipped import default_weights
 
 
@@ -21,3 +21,5 @@ class Config(EditConfig, DeviceConfig, SeededConfig):
         json_schema_extra={NAMES_OF: "weights"},
         description="Weights that fill, by name (`pumps weights list`), or a folder with ae and lms.",
     )
+
+    _seconds = field_validator("blend", mode="before")(seconds_in)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from stages.shared.contract import NAMES_OF, DeviceConfig, SeededConfig
-from stages.shared.editing.settings import ManyEditsConfig
+from stages.shared.editing.settings import ManyEditsConfig, seconds_in
 from stages.shared.weights.shipped import default_weights
 
 
@@ -24,3 +24,5 @@ class Config(ManyEditsConfig, DeviceConfig, SeededConfig):
         json_schema_extra={NAMES_OF: "weights"},
         description="Weights that fill, by name (`pumps weights list`), or a folder with ae and lms.",
     )
+
+    _seconds = field_validator("blend", mode="before")(seconds_in)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from stages.shared.editing.settings import ManyEditsConfig
+from stages.shared.editing.settings import ManyEditsConfig, seconds_in
 
 
 class Config(ManyEditsConfig):
@@ -18,3 +18,5 @@ class Config(ManyEditsConfig):
         description="savgol fits a curve of degree 3; butterworth removes movement that goes back and "
         "forth in less than about --seconds.",
     )
+
+    _seconds = field_validator("seconds", mode="before")(seconds_in)

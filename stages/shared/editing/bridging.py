@@ -25,6 +25,8 @@ from stages.shared.solve.skeleton_pose import SkeletonPose
 MOST_SECONDS = 10.0
 SHORTEST_LOOP_S, LONGEST_LOOP_S = 0.1, 1.0
 SMOOTH_SEAM = 1.2  # of the clip's usual change of velocity from frame to frame
+SMOOTH_WITHIN = 2.0  # the same in the bridge itself; or what 95% of the clips' frames have, if that is more
+_HIGH = 0.95
 LAST_STEP_S = 0.2  # after a clip, in which the velocity comes from that of its last step
 _LONGER = 1.5  # a loop whose seams are not smooth is tried again so much longer
 _PACE = 1.5  # how much longer than at the clip's usual speed the way from its last to its first pose may take
@@ -36,13 +38,30 @@ class Seams:
     """How smoothly a bridge begins and ends.
 
     jumps_mps: (2,) mean over the body's joints of the change of velocity at the frames before and after the bridge.
+    within_mps: the largest of the same in the frames of the bridge; 0 for a bridge without frames.
     usual_mps: the mean of the same over all frames of the clip or clips.
+    high_mps:  95% of these frames have less.
     step_mps:  the mean speed of the body's joints over all frames.
     """
 
     jumps_mps: np.ndarray
+    within_mps: float
     usual_mps: float
+    high_mps: float
     step_mps: float
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """The larger change of velocity at the seams over the usual one, and the largest in the bridge over what a
+        smooth one may have."""
+        usual = max(self.usual_mps, 1e-9)
+        return float(self.jumps_mps.max() / usual), float(self.within_mps / max(SMOOTH_WITHIN * usual, self.high_mps))
+
+    @property
+    def excess(self) -> float:
+        """How many times as rough the bridge is as a smooth one may be; 1 or less is smooth."""
+        seam, within = self.ratios
+        return max(seam / SMOOTH_SEAM, within)
 
 
 @dataclass(frozen=True)
@@ -54,13 +73,8 @@ class Bridged:
 
     edited: Edited
     placement: Placement
-    seams: Seams | None
+    seams: Seams
     speeds: tuple[str, ...]
-
-    @property
-    def roughness(self) -> float:
-        """The larger change of velocity at the two seams, over the mean change from frame to frame in the clips."""
-        return 0.0 if self.seams is None else float(self.seams.jumps_mps.max() / max(self.seams.usual_mps, 1e-9))
 
 
 def looped(
@@ -74,13 +88,13 @@ def looped(
     Args:
         models: loads the models that fill.
         seconds: time of the frames added. None: the time that the way takes at the clip's usual speed, 0.1 to 1 s;
-            while the velocity at a seam changes by more than 1.2 times the clip's usual change, half as long again is
+            while the velocity changes by more than 1.2 times the clip's usual change at a seam, or in a frame added
+            by more than twice the usual change and more than in 95% of the clip's frames, half as long again is
             tried, up to 1 s.
 
     Raises: UsageError for a time that is not above 0; InputError for a clip of fewer than 3 frames.
     """
-    if motion.frames < 3:
-        raise InputError(f"A clip of {motion.frames} frames has no speed at its ends.", "Give one of 3 or more.")
+    _check_has_speed(motion)
     if seconds is not None and not 0 < seconds <= MOST_SECONDS:
         raise UsageError(f"{seconds:g} s is not a time for a loop.", f"Give one above 0, up to {MOST_SECONDS:g} s.")
     if seconds is not None:
@@ -88,10 +102,17 @@ def looped(
     count, most = _frames_of_way(skeleton, motion), max(round(LONGEST_LOOP_S * motion.fps), 1)
     loaded = models()
     tried = [_looped(skeleton, motion, count, loaded, seed)]
-    while tried[-1].roughness > SMOOTH_SEAM and count < most:
+    while tried[-1].seams.excess > 1 and count < most:
         count = min(max(round(_LONGER * count), count + 1), most)
         tried.append(_looped(skeleton, motion, count, loaded, seed))
-    return min(tried, key=lambda each: max(each.roughness, SMOOTH_SEAM))  # of equally smooth ones the shortest
+    return min(tried, key=lambda each: max(each.seams.excess, 1.0))  # of equally smooth ones the shortest
+
+
+def _check_has_speed(motion: Motion) -> None:
+    """Raise InputError for a clip too short to show how it moves at its ends."""
+    if motion.frames < 3:
+        shown = "1 frame" if motion.frames == 1 else f"{motion.frames} frames"
+        raise InputError(f"A clip of {shown} has no speed at its ends.", "Give one of 3 or more.")
 
 
 def _looped(skeleton: Skeleton, motion: Motion, count: int, models: Models, seed: int) -> Bridged:
@@ -122,10 +143,12 @@ def joined(
         models: loads the models that fill; not called where there is nothing to fill.
         seconds: time between the clips; 0 for none.
 
-    Raises: UsageError for a time below 0.
+    Raises: UsageError for a time below 0; InputError for a clip of fewer than 3 frames.
     """
     if not 0 <= seconds <= MOST_SECONDS:
         raise UsageError(f"{seconds:g} s is not a time between two clips.", f"Give 0 to {MOST_SECONDS:g} s.")
+    for clip in (first, second):
+        _check_has_speed(clip)
     notes: tuple[str, ...] = ()
     rows_after = np.arange(second.frames)
     if abs(second.fps - first.fps) > 1e-6 * first.fps:
@@ -137,10 +160,11 @@ def joined(
     count = round(seconds * first.fps)
     placement = placement_after(skeleton, first, second, (count + 1) / first.fps)
     after = placement.of_motion(second)
-    seams, speeds = None, ()
-    bridge = after.at(slice(0, 0))
     if count:
         bridge, seams, speeds = _bridge(skeleton, first, after, count, models(), seed)
+    else:
+        bridge, speeds = after.at(slice(0, 0)), ()
+        seams = _seams(skeleton, _chained(first, after), (first.frames - 1, first.frames), (first, after))
     whole = _chained(first, bridge, after)
     like_after = np.where(rows_after == NONE, NONE, rows_after + first.frames)
     rows = np.concatenate([np.arange(first.frames), np.full(count + after.frames, NONE)])
@@ -195,11 +219,13 @@ def _bridge(
 def _seams(skeleton: Skeleton, filled: Motion, frames: tuple[int, int], clips: tuple[Motion, Motion]) -> Seams:
     body = skeleton.groups >= 0
     places = positions_of(skeleton, filled)[:, body]
-    jumps = np.array([_bends(places[frame - 1 : frame + 2]).mean() * filled.fps for frame in frames])
+    bends = _bends(places[frames[0] - 1 : frames[1] + 2]).mean(axis=1) * filled.fps
     own = [positions_of(skeleton, clip)[:, body] for clip in clips]
-    usual = np.concatenate([_bends(each).mean(axis=1) for each in own if len(each) > 2]).mean() * filled.fps
+    clips_own = np.concatenate([_bends(each).mean(axis=1) for each in own]) * filled.fps
+    usual, high = float(clips_own.mean()), float(np.quantile(clips_own, _HIGH))
     steps = np.concatenate([np.linalg.norm(np.diff(each, axis=0), axis=-1).mean(axis=1) for each in own])
-    return Seams(jumps, float(usual), float(steps.mean() * filled.fps))
+    within = float(bends[1:-1].max(initial=0.0))
+    return Seams(bends[[0, -1]], within, usual, high, float(steps.mean() * filled.fps))
 
 
 def _bends(places: np.ndarray) -> np.ndarray:

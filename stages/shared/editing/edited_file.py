@@ -24,6 +24,7 @@ from stages.shared.formats.sources import source_named
 from stages.shared.formats.writers import SUFFIXES
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import Progress
+from stages.shared.statistics.tables import counted
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def edit_file(config: EditConfig, change: Callable[[MotionFile], Change], progre
     motion = made.edited.motion
     seconds = time.perf_counter() - started
     last = (
-        f"Wrote {motion.frames} frames at {motion.fps:g} a second ({motion.frames / motion.fps:.2f} s) "
+        f"Wrote {counted(motion.frames, 'frame')} at {motion.fps:g} a second ({motion.frames / motion.fps:.2f} s) "
         f"in {seconds:.2f} s; the input has {file.motion.frames} at {file.motion.fps:g}."
     )
     figures = {
@@ -107,16 +108,34 @@ def change_of_bridge(found: Bridged, fps: float, what: str, file: MotionFile | N
         "turn_degrees": _degrees(found.placement.yaw_rad),
         "shift_m": found.placement.shift.tolist(),
         "warnings": list(found.speeds),
+        "seam_jumps_mps": seams.jumps_mps.tolist(),
+        "bridge_jump_mps": seams.within_mps,
+        "usual_jump_mps": seams.usual_mps,
+        "high_jump_mps": seams.high_mps,
+        "usual_speed_mps": seams.step_mps,
     }
-    if seams is not None:
+    before, after = seams.jumps_mps
+    usual = (
+        f"(mean over the body's joints). In the clips it changes by {seams.usual_mps:.3f} m/s a frame on average and "
+        f"by less than {seams.high_mps:.3f} in 95% of the frames, and the joints move at {seams.step_mps:.3f} m/s."
+    )
+    if count:
         lines.append(
-            f"Filled {count} frames ({count / fps:.2f} s) {what}. The velocity changes by {seams.jumps_mps[0]:.3f} "
-            f"m/s before them and {seams.jumps_mps[1]:.3f} m/s after them (mean over the body's joints); in the "
-            f"clips it changes by {seams.usual_mps:.3f} m/s a frame, and the joints move at {seams.step_mps:.3f} m/s."
+            f"Filled {counted(count, 'frame')} ({count / fps:.2f} s) {what}. The velocity changes by {before:.3f} "
+            f"m/s before them, {after:.3f} m/s after them, and {seams.within_mps:.3f} m/s a frame at most in them "
+            + usual
         )
-        figures["seam_jumps_mps"] = seams.jumps_mps.tolist()
-        figures["usual_jump_mps"] = seams.usual_mps
-        figures["usual_speed_mps"] = seams.step_mps
+    else:
+        lines.append(
+            f"Filled no frame {what}. The velocity changes by {before:.3f} m/s in the last frame of the first and "
+            f"{after:.3f} m/s in the first frame of the second " + usual
+        )
+    if seams.excess > 1:
+        largest = max(before, after, seams.within_mps)
+        lines.append(
+            f"Note: The velocity changes by up to {largest / max(seams.usual_mps, 1e-9):.1f} times the mean of "
+            "the clips there, which may show as a jerk. A longer --blend is smoother."
+        )
     return Change(edited, lines, figures, file=file)
 
 

@@ -19,6 +19,12 @@ _OUTPUT = (
 )
 
 
+def seconds_in(value: object) -> object:
+    """A time as a number in text, without the unit `s` that may follow it; all else as it is."""
+    text = value.strip() if isinstance(value, str) else ""
+    return text[:-1].strip() if text.lower().endswith("s") else value
+
+
 class EditConfig(WritingConfig):
     """Change a whole file, of any format that pumps reads."""
 
