@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,11 +65,13 @@ class Case:
         return positions_in(self.window), local / np.linalg.norm(local, axis=-1, keepdims=True)
 
     def noisy(self, noise: str) -> Pose:
-        """The window with noise, the same for every method. A rig without pairs has no sides to exchange."""
+        """The window with noise: a draw of its own for each clip, the same for every method. A rig without pairs has
+        no sides to exchange."""
         places, local = self.truth
         if noise == "swapped" and not self.limbs:
             return places, local
-        roots, turned, _ = NOISES[noise](places[:, :3], local, np.random.default_rng(self.number), self.limbs)
+        rng = np.random.default_rng([zlib.crc32(self.archive.encode()), self.number])
+        roots, turned, _ = NOISES[noise](places[:, :3], local, rng, self.limbs)
         return np.concatenate([roots, places[:, 3:]], axis=1), turned
 
     def errors(self, made: Pose) -> np.ndarray:
