@@ -37,6 +37,7 @@ OPTIMISER_NAME = "optimiser.safetensors"
 CONFIG_NAME = "config.json"
 LOG_NAME = "log.parquet"
 CARD_NAME = "MODEL_CARD.md"
+LAST = "last/"  # before the names of a training's last weights, where they are kept beside its best ones
 TRAININGS = "trainings"  # key of `config.json`
 SHARD_BYTES = 15 * 2**20
 _MOST_SHARDS = 10_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -14,6 +15,7 @@ class Config(WritingConfig, DeviceConfig):
 
     mesh: Path = Field(description="The mesh artefact whose clips go on.")
     weights: Path = Field(description="Checkpoint of `pumps train spectral --task predict`.")
+    kept: Literal["best", "last"] = Field("best", description="Which weights of a training with --keep both to use.")
     output: Path = Field(
         description="Folder of the mesh artefact: each clip's known frames, then the predicted ones."
     )

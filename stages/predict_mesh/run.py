@@ -22,7 +22,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
     Raises: InputError for weights of another task or connectivity, or if no clip is long enough.
     """
     check_artefact(config, "mesh")
-    weights = load_spectral(config.weights, config.device)
+    weights = load_spectral(config.weights, config.device, last=config.kept == "last")
     weights.check_task("predict")
     lines: list[str] = []
     clips, seconds, played = 0, 0.0, 0.0

@@ -17,6 +17,10 @@ class Config(WritingConfig, DeviceConfig, SeededConfig):
         (),
         description="NAME=FOLDER of a checkpoint of `pumps train spectral --task predict`; each is a row.",
     )
+    last: tuple[str, ...] = Field(
+        (),
+        description="NAME=FOLDER of a checkpoint trained with --keep both, whose last weights are a row.",
+    )
     pumps: str | None = Field(
         None,
         description="Weights of `pumps infill`, which predict the skeleton, skinned afterwards; none by default.",

@@ -168,22 +168,24 @@ def methods_of(config: Config, reader: MeshReader) -> tuple[dict[str, Method], l
         CONSTANT: lambda views, window: extrapolated(views, window, moving=True),
     }
     paths = []
-    for text in config.weights:
+    for text, last in (*((text, False) for text in config.weights), *((text, True) for text in config.last)):
         name, source = named_source(text)
         if name in methods or (name == _PUMPS and config.pumps is not None):
-            raise UsageError(f"Two rows are called {name!r}.", f"Give another name: --weights NAME={source}.")
+            flag = "--last" if last else "--weights"
+            raise UsageError(f"Two rows are called {name!r}.", f"Give another name: {flag} NAME={source}.")
         if is_joint_mlp(source):
-            joint = load_joint_mlp(source, config.device)
+            joint = load_joint_mlp(source, config.device, last=last)
             reader.check_connectivity(joint.connectivity, source)
             known, methods[name] = joint.known, JointMethod(joint)
         else:
-            spectral = load_spectral(source, config.device)
+            spectral = load_spectral(source, config.device, last=last)
             spectral.check_task("predict")
             reader.check_connectivity(spectral.connectivity, source)
             known, methods[name] = spectral.known, SpectralMethod(spectral)
         if known > config.known:
             raise UsageError(f"{source} predicts from {known} frames, and --known is {config.known}.")
-        paths.append(Path(source))
+        if Path(source) not in paths:
+            paths.append(Path(source))
     if config.pumps is not None:
         removed = reader.artefact.manifest.config.get("root") == "removed"
         methods[_PUMPS] = SkeletonMethod(load_weights(config.pumps, config.device), removed)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from data_schemas.checkpoint import read_checkpoint
+from data_schemas.checkpoint import LAST, read_checkpoint
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact, open_artefact
 from stages.shared.inference.bounded_network import build_bounded, whole_setting
@@ -89,15 +89,18 @@ class SpectralWeights:
             return self.model(torch.from_numpy(windows).float().to(device)).cpu().numpy()
 
 
-def load_spectral(path: str | Path, device: str = "auto") -> SpectralWeights:
+def load_spectral(path: str | Path, device: str = "auto", *, last: bool = False) -> SpectralWeights:
     """Load what `pumps train spectral --method spectral` trained.
 
-    Raises: InputError for another kind of checkpoint, or a damaged one.
+    Args:
+        last: take the last weights of a training that kept both, instead of its best ones.
+
+    Raises: InputError for another kind of checkpoint, a damaged one, or one without the last weights beside others.
     """
     artefact = open_artefact(path, "checkpoint")
     kept = read_checkpoint(artefact, optimiser=False)
     config = _config_of(kept.config, path, "spectral", ("eigenvectors", "window", "known", "task", "connectivity"))
-    weights = dict(kept.weights)
+    weights = _chosen(kept.weights, path, last)
     if "basis.vectors" not in weights or "basis.values" not in weights:
         raise InputError(f"{path} is damaged: it has no spectral basis.")
     vectors, values = weights.pop("basis.vectors"), weights.pop("basis.values")
@@ -134,17 +137,18 @@ class JointWeights:
             return self.model(torch.from_numpy(known[:, -self.known :]).float().to(device)).cpu().numpy()
 
 
-def load_joint_mlp(path: str | Path, device: str = "auto") -> JointWeights:
-    """Load what `pumps train spectral --method joints` trained. Raises InputError as `load_spectral` does."""
+def load_joint_mlp(path: str | Path, device: str = "auto", *, last: bool = False) -> JointWeights:
+    """Load what `pumps train spectral --method joints` trained. `last` and errors are those of `load_spectral`."""
     kept = read_checkpoint(open_artefact(path, "checkpoint"), optimiser=False)
     config = _config_of(kept.config, path, "joint-mlp", ("joints", "window", "known", "connectivity"))
     frames = whole_setting(config, "window", _MOST, path)
     known = whole_setting(config, "known", frames - 1, path)
     joints, ahead = len(config["joints"]), frames - known
+    weights = _chosen(kept.weights, path, last)
     model = build_bounded(
-        lambda: JointMlp(joints, known, ahead, JointMlpSizes(**config["sizes"])), config["sizes"], kept.weights, path
+        lambda: JointMlp(joints, known, ahead, JointMlpSizes(**config["sizes"])), config["sizes"], weights, path
     )
-    load_state(model, dict(kept.weights), path)
+    load_state(model, weights, path)
     model.to(choose_device(device)).eval()
     return JointWeights(model, known, ahead, str(config["connectivity"]))
 
@@ -158,6 +162,18 @@ def vertices_in_parts(basis: SpectralBasis, coefficients: np.ndarray, frames: in
     """Vertices (t, N, 3) metres of coefficients (T, k, 3), some frames at a time."""
     for start in range(0, len(coefficients), frames):
         yield basis.vertices(coefficients[start : start + frames]).astype(np.float32, copy=False)
+
+
+def _chosen(weights: Mapping[str, np.ndarray], path: object, last: bool) -> dict[str, np.ndarray]:
+    """The best or the last weights of a checkpoint, with the basis, which both share."""
+    if not last:
+        return {name: value for name, value in weights.items() if not name.startswith(LAST)}
+    found = {name.removeprefix(LAST): value for name, value in weights.items() if name.startswith(LAST)}
+    if not found:
+        raise InputError(
+            f"{path} does not hold the last weights of its training beside the best ones.", "Train with --keep both."
+        )
+    return {**{name: value for name, value in weights.items() if name.startswith("basis.")}, **found}
 
 
 def _config_of(config: dict, path: object, network: str, fields: Sequence[str]) -> dict:

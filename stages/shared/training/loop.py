@@ -37,6 +37,7 @@ class Trained:
     """The result: averaged weights of the best validation, the log, and whether the training is finished.
 
     best: score of the best validation; best_step: its step. optimiser: the state at the end, if kept.
+    last: averaged weights of the last step, where the task keeps both.
     """
 
     weights: dict[str, np.ndarray]
@@ -47,6 +48,7 @@ class Trained:
     best: float
     best_step: int = 0
     optimiser: dict[str, np.ndarray] | None = None
+    last: dict[str, np.ndarray] | None = None
 
 
 def learning_rate(config: TrainingConfig, step: int, seconds: float = 0.0) -> float:
@@ -157,6 +159,7 @@ class _Run:
             place.best,
             place.best_step,
             moments,
+            arrays_of(self.average) if self.task.keeps_both and finished else None,
         )
 
     def _start_bar(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from data_schemas.artefact import open_artefact, write_artefact
-from data_schemas.checkpoint import read_checkpoint, write_checkpoint
+from data_schemas.checkpoint import LAST, read_checkpoint, write_checkpoint
 from data_schemas.clips import ClipReader
 from data_schemas.errors import InputError
 from data_schemas.manifest import Artefact
@@ -57,7 +57,8 @@ def finish(
 ) -> StageReport:
     """Write the checkpoint artefact of a finished run and remove the unfinished one; report a run that is unfinished.
 
-    The artefact holds the averaged weights of the best validation, and with `keep_optimiser` the optimiser's state.
+    The artefact holds the averaged weights of the best validation, with `keep_optimiser` the optimiser's state, and
+    where the task keeps both, the last averaged weights under names that begin with `LAST`.
     Only the first of several processes writes and reports.
     """
     if not started_ranks().first:
@@ -77,6 +78,7 @@ def finish(
         initial = open_artefact(config.initial, "checkpoint")
         inputs, trainings = [*inputs, initial], [*read_checkpoint(initial, optimiser=False).trainings, *trainings]
     weights = {name: value.astype(np.float32) for name, value in trained.weights.items()}
+    last = {LAST + name: value.astype(np.float32) for name, value in (trained.last or {}).items()}
     count = sum(value.size for value in weights.values())
     licences = sorted({licence for artefact in inputs for licence in artefact.manifest.licences})
     measured = next((row for row in trained.log if row["split"] == "val" and row["step"] == trained.best_step), {})
@@ -86,7 +88,7 @@ def finish(
     ) as draft:
         write_checkpoint(
             draft.folder,
-            weights=weights,
+            weights={**weights, **last},
             config={**network, "window": config.window, "points": config.points},
             optimiser=trained.optimiser,
             log=trained.log,

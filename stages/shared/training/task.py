@@ -70,6 +70,11 @@ class TrainingTask(ABC, Generic[Networks]):
         """Whether the last validation's weights are kept, whatever their score, instead of the best."""
         return False
 
+    @property
+    def keeps_both(self) -> bool:
+        """Whether the last weights are kept beside the best ones."""
+        return False
+
     def rate(self, step: int) -> float | None:
         """The learning rate at a step; None for that of the loop (`loop.learning_rate`)."""
         return None

@@ -37,10 +37,10 @@ class Config(TrainingConfig):
         description="Steps in which the autoencoder trains alone (the paper: two epochs).",
         ge=0,
     )
-    keep: Literal["best", "last"] = Field(
+    keep: Literal["best", "last", "both"] = Field(
         "best",
         json_schema_extra=OFTEN,
-        description="Weights to keep: those of the least error on validation clips (early stopped), or the last.",
+        description="Weights to keep: those of the least validation error (early stopped), the last, or both.",
     )
     network: SpectralSizes = SpectralSizes()
     joint_network: JointMlpSizes = JointMlpSizes()

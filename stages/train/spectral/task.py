@@ -78,6 +78,10 @@ class SpectralTask(TrainingTask[SpectralModel]):
     def keeps_last(self) -> bool:
         return self.config.keep == "last"
 
+    @property
+    def keeps_both(self) -> bool:
+        return self.config.keep == "both"
+
     def _melv(self, made: Tensor, known: int) -> float:
         """Mean edge length variation of some windows in some predicted frames, the last one among them."""
         frames = np.unique(np.linspace(0, made.shape[1] - 1, _MELV_FRAMES).round().astype(int))
@@ -119,3 +123,7 @@ class JointTask(TrainingTask[JointMlp]):
     @property
     def keeps_last(self) -> bool:
         return self.config.keep == "last"
+
+    @property
+    def keeps_both(self) -> bool:
+        return self.config.keep == "both"

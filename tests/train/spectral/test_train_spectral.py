@@ -72,6 +72,35 @@ def test_the_last_weights_are_kept_if_asked_for(folder: Path) -> None:
     assert float(kept.weights["steps"]) == 8
 
 
+def test_one_training_keeps_the_best_and_the_last_weights(folder: Path, tmp_path: Path) -> None:
+    """Both are those of two trainings that keep one each; one alone holds no last weights beside others."""
+    given = {"steps": 12, "validate_every": 2, "learning_rate": 3e-2, "average": 0.5}
+    for keep in ("best", "last", "both"):
+        run(_config(folder, f"keep-{keep}", keep=keep, **given))
+    one, other = (read_checkpoint(folder / f"keep-{keep}").weights for keep in ("best", "last"))
+    assert float(one["steps"]) < float(other["steps"]) == 12
+    for true, last in ((one, False), (other, True)):
+        found = load_spectral(folder / "keep-both", "cpu", last=last)
+        state = found.model.state_dict()
+        assert all(np.array_equal(state[name].numpy(), true[name]) for name in state)
+        assert np.array_equal(found.basis.vectors, true["basis.vectors"])
+    with pytest.raises(InputError, match="does not hold the last weights"):
+        load_spectral(folder / "keep-best", "cpu", last=True)
+    both = folder / "keep-both"
+    given = {"mesh": folder / "arms", "known": 10, "ahead": 5, "max_windows": 4, "device": "cpu"}
+    measure(MeasureConfig(**given, weights=(f"early={both}",), last=(f"end={both}",), output=tmp_path / "metrics"))
+    value = {
+        (row.method, row.metric, row.interval, row.clip): row.value for row in read_metrics(tmp_path / "metrics")[0]
+    }
+    assert value["early", "mpjpe_mm", 4, "arm-3"] != value["end", "mpjpe_mm", 4, "arm-3"]
+    poses = {}
+    for kept in ("best", "last"):
+        predict(PredictConfig(mesh=folder / "arms", weights=both, kept=kept, output=tmp_path / kept, device="cpu"))
+        with MeshReader(tmp_path / kept) as reader:
+            poses[kept] = reader.vertices("arm-0", 10, 15)
+    assert np.abs(poses["best"] - poses["last"]).max() > 1e-4
+
+
 def test_the_log_of_joints_holds_their_error_and_no_share_of_the_steps(folder: Path) -> None:
     run(_config(folder, "joints-last", method="joints", steps=8, validate_every=4, keep="last"))
     shown = [row for row in read_checkpoint(folder / "joints-last").log if row["split"] == "val"]
