@@ -39,7 +39,7 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         kept.append(read_checkpoint(artefacts[-1], optimiser=False))
         progress.advance()
     for path, each in zip(config.checkpoints[1:], kept[1:], strict=True):
-        if _network(each) != _network(kept[0]) or not _same_data(each, kept[0]):
+        if _network(each) != _network(kept[0]) or not _of_one_training(each, kept[0]):
             raise InputError(
                 f"{path} is another network than {config.checkpoints[0]}, or of another encoder, or of other data.",
                 "Average trainings that started from the same weights: `pumps train lms --initial`.",
@@ -80,8 +80,12 @@ def _network(kept: Checkpoint) -> tuple[dict[str, Any], dict[str, tuple[int, ...
     return kept.config, {name: array.shape for name, array in kept.weights.items()}
 
 
-def _same_data(one: Checkpoint, other: Checkpoint) -> bool:
-    """Whether the last trainings of both may have been on the same data."""
+def _of_one_training(one: Checkpoint, other: Checkpoint) -> bool:
+    """Whether one was trained further from the other, or the last trainings of both may have been on the same data."""
+    if one.trainings and other.trainings:
+        shorter = min(len(one.trainings), len(other.trainings))
+        if one.trainings[:shorter] == other.trainings[:shorter]:
+            return True
     mine, theirs = last_data(one.trainings), last_data(other.trainings)
     return mine is theirs or (mine is not None and theirs is not None and mine.agrees_with(theirs))
 

@@ -90,6 +90,16 @@ def test_other_networks_encoders_and_data_are_refused(weights, tmp_path, change)
     assert not (tmp_path / "mean").exists()
 
 
+def test_a_training_on_other_data_is_averaged_with_its_start(weights, tmp_path):
+    further = on(clips=4)["trainings"]
+    places = (
+        write(tmp_path / "end", near(weights, 1), trainings=(FIRST, *further)),
+        write(tmp_path / "begin", weights),
+    )
+    run(Config(checkpoints=places, output=tmp_path / "mean"))
+    assert read_checkpoint(tmp_path / "mean").trainings == (FIRST, *further)
+
+
 def test_weights_that_do_not_know_the_content_of_their_archives_are_averaged_with_ones_that_do(weights, tmp_path):
     places = (
         write(tmp_path / "one", weights),
