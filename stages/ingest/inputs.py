@@ -10,7 +10,7 @@ from pathlib import Path
 from data_schemas.manifest import sha256_of_file
 from data_schemas.sources import digest_of_source
 from stages.ingest.config import Config
-from stages.shared.formats.archives import archive_suffix
+from stages.shared.formats.archives import archive_and_member
 from stages.shared.formats.readers import rig_suffixes
 from stages.shared.formats.splits import SPLITS_NAME
 
@@ -36,7 +36,7 @@ def digests_of_read(config: Config, read: Iterable[tuple[str, str]]) -> list[tup
         read: name of each source ("archive.zip!member" or a path) and the sha256 of its bytes, "" if it was not read.
     """
     loose = {name: sha256 for name, sha256 in read if sha256}
-    archives = {name.partition("!")[0] for name in loose if archive_suffix(name.partition("!")[0])}
+    archives = {archive_and_member(name)[0] for name in loose} - {""}
     found: list[tuple[Path, str, str]] = []
     for path in _given(config.sources):
         if path.is_dir():
@@ -80,6 +80,6 @@ def _given(sources: Sequence[str]) -> list[Path]:
             paths.append(path)
         elif glob.has_magic(text):
             paths += [Path(match) for match in sorted(glob.glob(text, recursive=True)) if Path(match).is_file()]
-        elif "!" in text:
-            paths.append(Path(text.split("!", 1)[0]))
+        elif archive := archive_and_member(text)[0]:
+            paths.append(Path(archive))
     return list(dict.fromkeys(paths))

@@ -18,6 +18,7 @@ from stages.shared.concepts.actions import action_of, action_pattern
 from stages.shared.concepts.body_positions import body_of, body_positions
 from stages.shared.concepts.data_sets import LabelledPositions, positions_of_data_set
 from stages.shared.concepts.generated_samples import positions_of_samples
+from stages.shared.formats.archives import archive_and_member
 from stages.shared.formats.readers import recordings_in
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.rig_option import rig_named
@@ -44,7 +45,7 @@ def given(config: Config) -> Given:
     if config.data_set is not None:
         if config.data_set == "action2motion":
             found = positions_of_samples(config.input)
-            return Given(len(found), iter(found), (Path(str(config.input).partition("!")[0]),))
+            return Given(len(found), iter(found), (Path(archive_and_member(str(config.input))[0] or config.input),))
         found = positions_of_data_set(config.data_set, config.input)
         return Given(len(found), iter(found), (config.input,))
     if names_artefact(config.input):

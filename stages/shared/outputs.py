@@ -33,10 +33,8 @@ def check_file(config: WritingConfig, suffixes: Collection[str] = (), field: str
     if path.is_dir():
         raise UsageError(f"{path} is a folder.", "Name the file to write.")
     if suffixes and path.suffix.lower() not in suffixes:
-        named = f"the suffix {path.suffix}" if path.suffix else "no suffix"
-        raise UsageError(
-            f"{path.name} has {named}, which this command does not write.", f"Name a file of {', '.join(suffixes)}."
-        )
+        wrong = f"the suffix {path.suffix}, which this command does not write" if path.suffix else "no suffix"
+        raise UsageError(f"{path.name} has {wrong}.", f"Name a file of {', '.join(suffixes)}.")
     check_written(config, path, field)
 
 
@@ -123,9 +121,8 @@ def write_output(path: Path, data: bytes) -> None:
 def paths_in(text: str) -> Iterator[Path]:
     """Every path that a setting's text may name: as it is, after "NAME=", and before "!MEMBER"."""
     after = text.partition("=")[2]
-    for found in dict.fromkeys((text, after, text.partition("!")[0], after.partition("!")[0])):
-        if found:
-            yield Path(found)
+    found = [each[:at] for each in (text, after) for at in (None, *(i for i, a in enumerate(each) if a == "!"))]
+    yield from map(Path, filter(None, dict.fromkeys(found)))
 
 
 def _paths_of(config: WritingConfig, field: str) -> Iterator[tuple[str, Path]]:

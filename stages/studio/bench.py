@@ -19,7 +19,7 @@ from stages.shared.weights.shipped import shipped_weights
 from stages.studio.fills import fills_of
 from stages.studio.folder import Folder
 from stages.studio.jobs import Job, Jobs
-from stages.studio.opening import dropped, inside, member_of, write_as_bvh
+from stages.studio.opening import dropped, inside, member_of, remove_left, write_as_bvh
 from stages.studio.saving import save
 from stages.studio.scene import Scene, plain_scene_of, scene_of
 from stages.studio.session import FillSettings, MotionRecord, Session, Sessions, State
@@ -35,6 +35,7 @@ class Bench:
     def __init__(self, folder: Folder, weights: str, device: str) -> None:
         self.folder = folder
         self.sessions = Sessions(folder.sessions())
+        remove_left(folder.sessions())
         self.weights = list(dict.fromkeys([weights, *shipped_weights()]))
         self._device = device
         self._worker = Worker(weights, device)

@@ -8,7 +8,7 @@ from pathlib import Path
 from data_schemas.errors import InputError, UsageError
 from data_schemas.own_folders import make_own_folder
 from stages.shared.file_names import is_file_name
-from stages.shared.formats.archives import archive_suffix, members_of
+from stages.shared.formats.archives import archive_and_member, archive_suffix, members_of
 from stages.shared.formats.readers import AUTO, suffixes_of
 from stages.shared.formats.writers import SUFFIXES
 
@@ -33,13 +33,11 @@ class Folder:
 
         Raises: InputError for a name that leads out of the folder, by links too, or to no file.
         """
-        outer, mark, member = name.partition("!")
-        path = self._inside(outer)
-        if mark and not path.is_file() and self._inside(name).is_file():
-            return self._inside(name)  # an exclamation mark in a file's own name
+        archive, member = archive_and_member(str(self.path / name))
+        path = self._inside(archive or name)
         if not path.is_file():
             raise InputError(f"{name} is not in the folder of the studio.", "Choose a file of the list.")
-        return f"{path}!{member}" if mark else path
+        return f"{path}!{member}" if archive else path
 
     def new_file(self, name: str, overwrite: bool) -> Path:
         """Where a file of this name is written, directly in the folder.

@@ -10,6 +10,7 @@ from typing import Any
 
 from data_schemas.errors import PumpsError, UsageError
 from stages.shared.contract import StageReport
+from stages.shared.formats.archives import archive_and_member
 from stages.shared.progress import SILENT, Progress
 from stages.shared.weights.shipped import SHIPPED, weights_folder
 from stages.studio.config import Config
@@ -41,7 +42,7 @@ def _places(config: Config) -> tuple[Folder, str]:
     """The folder, and the recording's name in it."""
     if config.input is None:
         return Folder(config.folder or Path()), ""
-    archive = str(config.input) if config.input.exists() else str(config.input).partition("!")[0]
+    archive = archive_and_member(str(config.input))[0] or str(config.input)
     given = Path(archive).resolve()
     folder = Folder(config.folder or given.parent)
     if not given.is_relative_to(folder.path):

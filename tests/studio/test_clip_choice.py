@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import shlex
 import zipfile
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("httpx2")
 
+from data_schemas.own_folders import make_own_folder
 from stages.registry import stage_named
 from stages.shared.formats.bvh import read_bvh
 from stages.studio.folder import SESSIONS
@@ -140,6 +142,21 @@ def test_an_archive_of_one_file_opens_without_a_choice(page: Page) -> None:
     assert held(page, dropped(page, "one.zip", packed)) == (CLIPS / "kick.bvh").read_bytes()
     assert dropped(page, "one.zip", packed, "gone")["told"] == "one.zip holds 1 clip. Choose one."
     assert dropped(page, "one.zip", archive(b_glb=SEVERAL))["clips"] == ["b.glb!walk", "b.glb!-run_<b>"]
+
+
+def test_what_an_ended_studio_left_of_a_dropped_archive_is_removed(page: Page) -> None:
+    """A folder of an archive that another studio may be reading, or that pumps did not make, stays."""
+    sessions = page.bench.folder.sessions()
+    left, young, theirs = (sessions / f".dropped-{name}" for name in ("left", "young", "theirs"))
+    for each in (left, young):
+        make_own_folder(each)
+        (each / "all.zip").write_bytes(ARCHIVE)
+    theirs.mkdir()
+    (theirs / "all.zip").write_bytes(ARCHIVE)
+    for each in (left, theirs):
+        os.utime(each, (0, 0))
+    assert dropped(page, "one.zip", archive(a_bvh=(CLIPS / "kick.bvh").read_bytes()))["id"]
+    assert sorted(sessions.glob(".dropped-*")) == [theirs, young]
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from stages.shared.concepts.data_sets import (
     labelled_positions,
     y_up,
 )
-from stages.shared.formats.archives import archive_suffix, members_of
+from stages.shared.formats.archives import archive_and_member, archive_suffix, members_of
 from stages.shared.formats.arrays import read_array
 from stages.shared.formats.sources import source_named
 
@@ -120,8 +120,9 @@ def positions_of_samples(given: Path) -> list[LabelledPositions]:
 
 def _files(given: Path) -> dict[str, str]:
     """The source's name of each file, by its path below the folder or inside the archive."""
-    archive, mark, inside = str(given).partition("!")
-    if mark or archive_suffix(archive):
+    archive, inside = archive_and_member(str(given))
+    archive = archive or str(given)
+    if inside or archive_suffix(archive):
         prefix = f"{inside.strip('/')}/" if inside.strip("/") else ""
         return {
             member.name: f"{archive}!{member.name}"

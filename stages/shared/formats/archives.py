@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
 from data_schemas.errors import InputError
@@ -50,6 +50,19 @@ def archive_suffix(name: str) -> str:
     """The one of ARCHIVE_SUFFIXES that a file name ends in, or ""."""
     lower = name.lower()
     return next((suffix for suffix in ARCHIVE_SUFFIXES if lower.endswith(suffix)), "")
+
+
+def archive_and_member(name: str) -> tuple[str, str]:
+    """The archive and the member of a name ARCHIVE!MEMBER; ("", "") for one that names no member of an archive.
+
+    Folders, files and members may have exclamation marks in their names: the archive is the first one that exists,
+    and, if none does, the first part that has an archive's suffix.
+    """
+    if "!" not in name or os.path.exists(name):
+        return "", ""
+    ends = [at for at, letter in enumerate(name) if letter == "!" and archive_suffix(name[:at])]
+    end = next((at for at in ends if Path(name[:at]).is_file()), ends[0] if ends else None)
+    return ("", "") if end is None else (name[:end], name[end + 1 :])
 
 
 def members_of(archive: str) -> tuple[Member, ...]:

@@ -15,6 +15,7 @@ from stages.shared.formats.archives import (
     ARCHIVE_SUFFIXES,
     MAX_FILE_BYTES,
     Member,
+    archive_and_member,
     archive_suffix,
     members_of,
     read_member,
@@ -69,8 +70,8 @@ class Source:
 
 def source_named(name: str) -> Source:
     """The source with the given `Source.name`. Raises InputError if it does not exist."""
-    archive, mark, member = name.partition("!")
-    if mark and archive_suffix(archive):
+    archive, member = archive_and_member(name)
+    if archive:
         for source in _in_archive(archive):
             if source.member == member:
                 return Source(source.name, archive, member, source.size, source.offset, named=True)
@@ -157,8 +158,8 @@ def _expand(text: str, suffixes: tuple[str, ...], keep_bad: bool) -> list[Source
         return [source for p in inside for source in _one(p, p.relative_to(path).as_posix(), suffixes, keep_bad)]
     if path.exists():
         return _one(path, path.name, suffixes, keep_bad, named=True)
-    archive, mark, _ = text.partition("!")
-    if mark and archive_suffix(archive) and Path(archive).is_file():
+    archive, _ = archive_and_member(text)
+    if archive and Path(archive).is_file():
         return [source_named(text)]
     if glob.has_magic(text):
         matches = [Path(match) for match in sorted(glob.glob(text, recursive=True))]
@@ -168,7 +169,7 @@ def _expand(text: str, suffixes: tuple[str, ...], keep_bad: bool) -> list[Source
             )
         files = [match for match in matches if match.is_file()]
         return [source for match in files for source in _one(match, match.name, suffixes, keep_bad)]
-    if mark:
+    if archive:
         return [source_named(text)]
     raise InputError(f"{text} does not exist.", "Check the path.")
 

@@ -26,7 +26,7 @@ from data_schemas.manifest import MANIFEST_NAME
 from data_schemas.whole_file import write_whole
 from stages.shared.contract import ManyFilesConfig, StageReport
 from stages.shared.file_names import FileNames, folded
-from stages.shared.formats.archives import archive_suffix
+from stages.shared.formats.archives import archive_and_member, archive_suffix
 from stages.shared.formats.readers import AUTO, suffixes_of
 from stages.shared.formats.sources import Source, find_sources
 from stages.shared.formats.text_cells import text_cell
@@ -34,6 +34,7 @@ from stages.shared.formats.writers import SUFFIXES
 from stages.shared.outputs import check_replaceable
 from stages.shared.pools import TaskDied, cluster_pool, process_pool, result_or_death
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.tables import counted
 from stages.shared.threads import cores
 
 JOURNAL, TABLE = "files.jsonl", "files.csv"
@@ -73,7 +74,7 @@ def names_many(text: str) -> bool:
         return not (path / MANIFEST_NAME).exists()
     if path.exists():
         return bool(archive_suffix(path.name))
-    return "!" not in text and glob.has_magic(text)
+    return glob.has_magic(text) and not archive_and_member(text)[0]
 
 
 def run_over_files(config: Any, run: Run, progress: Progress) -> StageReport:
@@ -291,15 +292,16 @@ def _table(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> bytes:
 def _report(out: Path, rows: list[dict[str, Any]], kept: int, seconds: float) -> StageReport:
     failed = [row for row in rows if row["status"] != WRITTEN]
     if len(failed) == len(rows):
-        raise InputError(f"None of {len(rows)} files could be used; the first: {failed[0]['reason']}")
+        raise InputError(f"None of {counted(len(rows), 'file')} could be used; the first: {failed[0]['reason']}")
     made = len(rows) - len(failed) - kept
-    lines = [f"{row['input']}: {row['reason']}" for row in failed[:_SHOWN]]
+    lines = [f"{row['input']}: {row['reason'].removeprefix(row['input']).lstrip(':, ')}" for row in failed[:_SHOWN]]
     if len(failed) > _SHOWN:
         lines.append(f"and {len(failed) - _SHOWN} more that failed, all of them in {out / TABLE}")
     rate = f", {60 * made / seconds:.0f} a minute" if made else ""
     already = f"; {kept} were there from an earlier run" if kept else ""
     lines.append(
-        f"Wrote {made} of {len(rows)} files into {out} in {seconds:.1f} s{rate}{already}; {len(failed)} failed."
+        f"Wrote {made} of {counted(len(rows), 'file')} into {out} in {seconds:.1f} s{rate}{already}; "
+        f"{len(failed)} failed."
     )
     figures = {
         "files": len(rows), "written": made, "kept": kept, "failed": len(failed), "seconds": seconds,

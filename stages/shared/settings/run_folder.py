@@ -16,6 +16,7 @@ from data_schemas.manifest import sha256_of_file
 from data_schemas.old_names import tell_old_name
 from data_schemas.whole_file import write_whole
 from stages.registry import NAMES, OLD_NAMES
+from stages.shared.formats.archives import archive_and_member
 from stages.shared.settings.layers import COMMAND_LINE, Layer, settle_file_part
 from stages.shared.settings.presets import preset_layers
 from stages.shared.settings.recipe_data import archives_there, recipe_sources
@@ -161,7 +162,7 @@ def _may_be_missing(recipe: Recipe, run: Path) -> bool:
 
 def _splits_beside(sources: Sequence[str]) -> list[Path]:
     """The splits files that `pumps ingest` takes by itself: beside archives and files, and in folders."""
-    folders = [Path(text.split("!")[0]) for text in sources]
+    folders = [Path(archive_and_member(text)[0] or text) for text in sources]
     beside = [(each if each.is_dir() else each.parent) / "splits.json" for each in folders]
     return sorted({path for path in beside if path.is_file()})
 

@@ -12,6 +12,8 @@ import pytest
 from data_schemas.errors import InputError
 from stages.shared.formats import sources as module
 from stages.shared.formats.sources import beside, find_sources, source_named
+from stages.shared.many_files.file_runs import names_many
+from stages.shared.outputs import paths_in
 
 
 def _archive(path: Path, members: dict[str, bytes], **options: int) -> Path:
@@ -126,6 +128,33 @@ def test_files_beside_a_recording_are_found(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(data)
     (source,) = find_sources([str(tmp_path / "s" / "01")], (".amc",))
     assert [each.read() for each in beside(source, ".asf")] == [b"1"]
+
+
+def test_exclamation_marks_in_names_of_folders_files_and_members(tmp_path: Path) -> None:
+    folder = tmp_path / "wow! new"
+    other = tmp_path / "a.zip!b"  # a folder whose name looks like a member of an archive
+    for each in (folder, other):
+        each.mkdir()
+    (folder / "x!y.bvh").write_bytes(b"plain")
+    (other / "x.bvh").write_bytes(b"in the folder")
+    archive = _archive(folder / "c!d.zip", {"m.bvh": b"member", "e!f.zip!g.bvh": b"odd member"})
+    named = {
+        str(folder / "x!y.bvh"): b"plain",
+        str(other / "x.bvh"): b"in the folder",
+        f"{archive}!m.bvh": b"member",
+        f"{archive}!e!f.zip!g.bvh": b"odd member",
+    }
+    for name, data in named.items():
+        assert source_named(name).read() == data
+        (found,) = find_sources([name])
+        assert (found.read(), found.name) == (data, name)
+    (found,) = find_sources([str(folder / "x*.bvh")])
+    assert found.read() == b"plain"
+    assert names_many(str(folder / "[!z]*.bvh")) and names_many(str(folder / "*.bvh")) and names_many(str(archive))
+    assert not any(map(names_many, named))
+    with pytest.raises(InputError, match=r"c!d\.zip has no member 'none\.bvh'"):
+        source_named(f"{archive}!none.bvh")
+    assert {Path(archive), folder / "x!y.bvh"} <= {*paths_in(f"{archive}!m.bvh"), *paths_in(str(folder / "x!y.bvh"))}
 
 
 def test_damaged_and_missing_sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from stages.edit.mirror.config import Config
 from stages.edit.mirror.run import run
 from stages.export.config import Config as ExportConfig
 from stages.export.run import run as export
+from stages.shared.contract import StageReport
 from stages.shared.many_files.file_runs import JOURNAL, TABLE, names_many
 
 CLIPS = Path("stages/shared/clips")
@@ -31,7 +32,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 def mirrored(source: Path, output: Path, **options) -> dict:
-    return run(Config(input=source, output=output, jobs=options.pop("jobs", 1), **options)).figures
+    return reported(source, output, **options).figures
+
+
+def reported(source: Path, output: Path, **options) -> StageReport:
+    return run(Config(input=source, output=output, jobs=options.pop("jobs", 1), **options))
 
 
 def rows_of(out: Path) -> dict[str, dict[str, str]]:
@@ -40,8 +45,10 @@ def rows_of(out: Path) -> dict[str, dict[str, str]]:
 
 
 def test_each_file_is_as_if_it_were_given_alone_and_a_bad_one_is_reported(folder: Path, tmp_path: Path):
-    figures = mirrored(folder, tmp_path / "out")
+    report = reported(folder, tmp_path / "out")
+    figures = report.figures
     assert (figures["files"], figures["written"], figures["failed"]) == (4, 3, 1)
+    assert report.lines[0].count("bad.bvh") == 1
     mirrored(CLIPS / "punch.bvh", tmp_path / "alone.bvh")
     assert (tmp_path / "out/inner/punch.bvh").read_bytes() == (tmp_path / "alone.bvh").read_bytes()
     rows = rows_of(tmp_path / "out")
