@@ -13,6 +13,7 @@ from stages.doctor.config import Config
 from stages.doctor.cuda_libraries import CudaLibraries, advice, cuda_libraries
 from stages.shared.contract import StageReport
 from stages.shared.progress import SILENT, Progress
+from stages.shared.weights.licence_names import licence_names
 
 
 def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
@@ -85,7 +86,6 @@ def _weights() -> list[dict[str, Any]]:
     found = []
     for name in shipped_weights():
         manifest = open_artefact(weights_folder(name) / "lms", "checkpoint").manifest
-        licences = "; ".join(manifest.licences) or "unknown"
-        found.append({"name": name, "digest": manifest.digest, "licences": manifest.licences,
-                      "says": f"trained on data under {licences}"})  # fmt: skip
+        says = f"licences: {licence_names(manifest.licences)} (pumps weights show {name})"
+        found.append({"name": name, "digest": manifest.digest, "licences": manifest.licences, "says": says})
     return found
