@@ -14,7 +14,7 @@
 # make body-parts-table1 | body-parts-table2 | body-parts-table3   autoencoders of body parts: sixteen bodies, seen and unseen data,
 #                  noise; BODY_PARTS_STEPS=6000 each, BODY_PARTS_WINDOWS=200 of each data set; make -j2 trains two at a time
 # make concepts-tables   motion concepts: generated motions refined, beside real ones; CONCEPTS_SET=hdm05|bandai-namco-1|bandai-namco-2
-#                  CONCEPTS_STEPS=2000 of each training, CONCEPTS_COUNT=200 motions of each action; GOAL=main for Tables 1 and 8, GOAL=fills for gaps
+#                  CONCEPTS_STEPS=2000 of each training, CONCEPTS_COUNT=200 motions of each action; GOAL=main for Tables 1 and 8, methods for 9 and 10, fills for gaps
 # make pcmrl-table1 | pcmrl-table2 | pcmrl-table3   PC-MRL's tables, Bandai Namco to CMU and back
 # make rig-report  the rig networks of these tables on the rigs' own test motions, beside the truth
 # make latent-report  how far latents move when points, sigma, body or skeleton change; LATENT_WEIGHTS=small-free
@@ -99,7 +99,7 @@ R := $(RUNS)/$(or $(RUN),mine)
 ifneq (,$(wildcard $(R)/run.mk))
 include $(R)/run.mk
 else
-run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-figures run-bandai-figures run-g1-figures run-table1 run-table2 run-table3 run-table4 run-main run-fills:
+run run-data run-measure run-pages run-rigs run-bandai run-g1 run-curve run-figures run-bandai-figures run-g1-figures run-table1 run-table2 run-table3 run-table4 run-main run-methods run-fills:
 	@test -f $(R)/run.mk || { echo '$(R)/run.mk is not there; the target that makes the run writes it.' >&2; exit 2; }
 endif
 

@@ -152,6 +152,60 @@ def test_bad_input_is_one_sentence_and_nothing_is_lost(
     assert out.read_text() == "old"
 
 
+def train_as(weights: Path, output: Path, method: str) -> Path:
+    train(
+        TrainConfig(
+            concepts=weights.parent / "c", output=output, steps=3, batch=4, window=24, width=16, latent=4, warmup=1,
+            validate_every=3, checkpoint_every=3, device="cpu", method=method,
+        )  # pyright: ignore[reportArgumentType]
+    )  # fmt: skip
+    return output
+
+
+def test_transitions_that_are_no_splines_refine_too(weights: Path, tmp_path: Path):
+    """The checkpoint says what it is, and holds other networks than one of splines."""
+    other = train_as(weights, tmp_path / "w", "frames")
+    one, two = (read_checkpoint(each) for each in (weights, other))
+    assert (one.config["settings"]["method"], two.config["settings"]["method"]) == ("splines", "frames")
+    shapes = [{name: value.shape for name, value in each.weights.items()} for each in (one, two)]
+    assert shapes[0].keys() == shapes[1].keys() and shapes[0] != shapes[1]
+    given = {"input": CLIPS / "kick.bvh", "action": "kick", "device": "cpu"}
+    for folder, name in ((weights, "a"), (other, "b")):
+        run(Config(**given, weights=folder, output=tmp_path / f"{name}.bvh"))
+    made = [read_bvh((tmp_path / f"{name}.bvh").read_bytes(), name).values for name in "ab"]
+    assert np.isfinite(made[1]).all() and not np.array_equal(*made)
+
+
+def test_reconstruction_refines_whole_motions_and_knows_no_concepts(weights: Path, tmp_path: Path):
+    other = train_as(weights, tmp_path / "w", "reconstruction")
+    stored = read_checkpoint(other)
+    assert "anchor_limit" not in stored.config and not any(name.startswith("quality/") for name in stored.weights)
+    given = {"input": CLIPS / "kick.bvh", "action": "kick", "weights": other, "device": "cpu"}
+    report = run(Config(**given, output=tmp_path / "out.bvh"))
+    assert report.figures["flawed"] == 0 and len(report.figures["anchors"]) == 2
+    with pytest.raises(UsageError, match="--only anchors needs concepts"):
+        run(Config(**given, output=tmp_path / "no.bvh", only="anchors"))
+    assert not (tmp_path / "no.bvh").exists()
+    with pytest.raises(UsageError, match="hold no concepts"):
+        judged(load_concepts(other, "cpu"), np.zeros((20, 4, 3)), 0)
+
+
+def test_the_limit_of_anchors_is_chosen_by_the_training(weights: Path):
+    """Held-back clips, here the training clips, then have as many anchors as they were segmented into, or as many as
+    the lowest limit finds; all chances of this network lie under 0.5."""
+    from data_schemas.concepts import ConceptsReader
+    from stages.shared.concepts.sequences import concept_set
+
+    model = load_concepts(weights, "cpu")
+    assert model.anchor_limit == read_checkpoint(weights).config["anchor_limit"]
+    with ConceptsReader(weights.parent / "c") as reader:
+        found = concept_set(reader)
+    clips = found.of("train")
+    anchors = [len(judged(model, each.positions.astype(np.float64), each.action)[0]) for each in clips]
+    assert sum(anchors) > 2 * len(clips) and 0.01 <= model.anchor_limit < 0.5
+    assert sum(anchors) >= sum(len(each.anchors) for each in clips) or model.anchor_limit == 0.01
+
+
 def test_a_batch_without_a_known_concept_has_a_finite_loss(weights: Path):
     """Windows whose masked anchors are all first or last frames, which need not be anchors of the clip."""
     import torch

@@ -18,21 +18,28 @@ from data_schemas.trainings import last_sentence
 from stages.shared.concepts.body_positions import Body
 from stages.shared.concepts.quality import AnchorQuality
 from stages.shared.concepts.sequences import LEAST_FRAMES, placing_of, segment_arrays
+from stages.shared.inference.anchor_chances import (
+    PLAIN,
+    chosen_anchors,
+    frame_chances,
+    placed,
+    taper,
+    windows_of,
+)
 from stages.shared.inference.bounded_network import build_bounded
 from stages.shared.inference.models import load_state
+from stages.shared.networks.concepts.reconstruction import MotionReconstructor
 from stages.shared.networks.concepts.refiners import ConceptNetworks, Segments
-from stages.shared.networks.concepts.transition_generator import at_times
 from stages.shared.networks.layers.device import choose_device
-
-_APART = 3  # frames between two anchors, at least
 
 
 @dataclass(frozen=True)
 class ConceptModel:
     """Trained networks. actions: their names; names, parents, groups: of the body's joints; window: frames seen at
-    once; quality: of each action's anchors; licences: of the training data; trained_on: what that was."""
+    once; quality: of each action's anchors; licences: of the training data; trained_on: what that was; anchor_limit:
+    the chance above which a frame is an anchor."""
 
-    networks: ConceptNetworks
+    trained: ConceptNetworks | MotionReconstructor
     actions: tuple[str, ...]
     names: tuple[str, ...]
     parents: np.ndarray
@@ -43,6 +50,17 @@ class ConceptModel:
     licences: tuple[str, ...]
     trained_on: str
     device: torch.device
+    anchor_limit: float = PLAIN
+
+    @property
+    def networks(self) -> ConceptNetworks:
+        """The networks of concepts. Raises UsageError where motions are reconstructed without any."""
+        if isinstance(self.trained, MotionReconstructor):
+            raise UsageError(
+                "These weights reconstruct whole motions and hold no concepts.",
+                "Give weights that were trained with --method splines or --method frames.",
+            )
+        return self.trained
 
     def action(self, name: str) -> int:
         """The index of an action. Raises UsageError naming those there are."""
@@ -77,18 +95,21 @@ def load_concepts(path: Path, device: str) -> ConceptModel:
     weights = stored.weights
     body = _body_of(config, path)
 
-    def build() -> ConceptNetworks:
+    def build() -> ConceptNetworks | MotionReconstructor:
+        settings, actions = config["settings"], len(config["actions"])
+        if settings.get("method") == "reconstruction":
+            return MotionReconstructor(3 * len(body["names"]), actions, settings["width"])
         concepts, action_of = (
             torch.from_numpy(np.array(weights[f"anchors.{name}"])) for name in ("concepts", "action_of")
         )
-        settings = config["settings"]
         return ConceptNetworks(
             concepts.shape[1],
-            len(config["actions"]),
+            actions,
             settings["width"],
             settings["latent"],
             concepts,
             action_of.long(),
+            splines=settings.get("method", "splines") == "splines",
         )
 
     networks = build_bounded(build, config.get("settings"), weights, path)
@@ -110,6 +131,7 @@ def load_concepts(path: Path, device: str) -> ConceptModel:
         tuple(artefact.manifest.licences),
         last_sentence(stored.trainings),
         where,
+        float(config.get("anchor_limit", PLAIN)),
     )
 
 
@@ -166,6 +188,13 @@ def refine(
             f"The clip has {len(positions)} frames at {model.fps:g} a second, and {LEAST_FRAMES} are the fewest."
         )
     made = np.asarray(positions, np.float64).copy()
+    if isinstance(model.trained, MotionReconstructor):
+        if only is not None:
+            raise UsageError(
+                f"These weights reconstruct whole motions, and --only {only} needs concepts.", "Leave --only out."
+            )
+        ends, none = np.array([0, len(made) - 1]), np.zeros(2)
+        return Refinement(_reconstructed(model, made, kind), ends, none, none > 0, np.full(2, -1))
     anchors, scores, flawed = judged(model, made, kind)
     concepts = np.full(len(anchors), -1)
     if only != "transitions":
@@ -181,28 +210,8 @@ def refine(
 
 def judged(model: ConceptModel, positions: np.ndarray, kind: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Anchors (A,) of a sequence, the first and the last frame among them, their scores, and which are flawed."""
-    count = len(positions)
-    chances, features, weight = (
-        np.zeros(count),
-        np.zeros((count, model.networks.recogniser.encoder.width)),
-        np.zeros(count),
-    )
-    for start, size in _windows(count, model.window):
-        motion = _placed(model, positions[start : start + size])[0]
-        with torch.no_grad():
-            found, logits = model.networks.recogniser(motion, _kind(model, kind), _all(motion))
-        part, share = slice(start, start + size), _taper(size)
-        chances[part] += share * logits[0].sigmoid().cpu().numpy()
-        features[part] += share[:, None] * found[0].cpu().numpy()
-        weight[part] += share
-    chances, features = chances / weight, features / weight[:, None]
-    anchors = [0]
-    for frame in range(1, count - 1):
-        near = chances[max(frame - _APART, 1) : min(frame + _APART + 1, count - 1)]
-        apart = min(frame - anchors[-1], count - 1 - frame)
-        if apart >= _APART and chances[frame] > 0.5 and chances[frame] == near.max():
-            anchors.append(frame)
-    anchors = np.array([*anchors, count - 1])
+    chances, features = frame_chances(model.networks.recogniser, positions, kind, model.groups, model.window)
+    anchors = chosen_anchors(chances, model.anchor_limit)
     if kind not in model.quality:
         return anchors, np.zeros(len(anchors)), np.zeros(len(anchors), bool)
     scores = model.quality[kind].scores(features[anchors])
@@ -222,7 +231,7 @@ def sampled_transition(
 
     Args:
         generator: draws the code of the transition; None takes the most likely one, zero.
-        fps: frames a second; by default the model's. The transition is a cubic, so any rate will do.
+        fps: frames a second; by default the model's. The transition is a function of time, so any rate will do.
     """
     placing = placing_of(first[None], model.groups)
     ends = [torch.from_numpy(placing.put(pose).reshape(1, -1)).float().to(model.device) for pose in (first, last)]
@@ -233,7 +242,7 @@ def sampled_transition(
     seconds = torch.tensor([steps / (fps or model.fps)], device=model.device, dtype=torch.float32)
     times = torch.linspace(0, 1, steps + 1, device=model.device)[None]
     with torch.no_grad():
-        frames = at_times(network.decoded(ends[0], ends[1], seconds, code.to(model.device)), times)[0]
+        frames = network.decoded(ends[0], ends[1], seconds, code.to(model.device), times)[0]
     made = placing.back(frames.cpu().double().numpy().reshape(steps + 1, -1, 3))
     share = np.linspace(0, 1, steps + 1)[:, None, None]
     return made + (1 - share) * (first - made[0]) + share * (last - made[-1])
@@ -247,7 +256,7 @@ def _new_anchor(
     before, after = int(anchors[max(at - 1, 0)]), int(anchors[min(at + 1, len(anchors) - 1)])
     size = min(max(model.window, after - before + 3), count)
     start = int(np.clip((before + after) // 2 - size // 2, 0, count - size))
-    motion, placing = _placed(model, made[start : start + size])
+    motion, placing = placed(made[start : start + size], model.groups, model.device)
     seen = _all(motion)
     seen[0, before - start + (at > 0) : after - start + (at == len(anchors) - 1)] = False
     if not seen.any():
@@ -265,8 +274,8 @@ def _new_anchor(
 
 def _new_transitions(model: ConceptModel, positions: np.ndarray, anchors: np.ndarray, kind: int) -> np.ndarray:
     total, weight = np.zeros(positions.shape), np.zeros(len(positions))
-    for start, size in _windows(len(positions), model.window):
-        motion, placing = _placed(model, positions[start : start + size])
+    for start, size in windows_of(len(positions), model.window):
+        motion, placing = placed(positions[start : start + size], model.groups, model.device)
         inside = anchors[(anchors > start) & (anchors < start + size - 1)] - start
         found = segment_arrays(np.array([0, *inside, size - 1]), size)
         arrays = (found.of_frame, found.times.astype(np.float32), found.first, found.last)
@@ -274,28 +283,23 @@ def _new_transitions(model: ConceptModel, positions: np.ndarray, anchors: np.nda
         with torch.no_grad():
             whole, _ = model.networks.transitions(motion, _kind(model, kind), _all(motion), segments)
         made = placing.back(whole[0].cpu().double().numpy().reshape(size, -1, 3))
-        share = _taper(size)
+        share = taper(size)
         total[start : start + size] += share[:, None, None] * made
         weight[start : start + size] += share
     return total / weight[:, None, None]
 
 
-def _windows(frames: int, window: int) -> list[tuple[int, int]]:
-    """Starts and sizes of windows that overlap by half and cover a sequence."""
-    if frames <= window:
-        return [(0, frames)]
-    starts = [*range(0, frames - window, max(window // 2, 1)), frames - window]
-    return [(start, window) for start in starts]
-
-
-def _taper(size: int) -> np.ndarray:
-    """(T,) weights of a window's frames where windows overlap: highest in the middle, above 0 at the ends."""
-    return 1.0 - np.abs(np.linspace(-1, 1, size)) * 0.98
-
-
-def _placed(model: ConceptModel, part: np.ndarray):
-    placing = placing_of(part, model.groups)
-    return torch.from_numpy(placing.put(part).reshape(1, len(part), -1)).float().to(model.device), placing
+def _reconstructed(model: ConceptModel, positions: np.ndarray, kind: int) -> np.ndarray:
+    total, weight = np.zeros(positions.shape), np.zeros(len(positions))
+    for start, size in windows_of(len(positions), model.window):
+        motion, placing = placed(positions[start : start + size], model.groups, model.device)
+        with torch.no_grad():
+            whole = model.trained(motion, _kind(model, kind), _all(motion))
+        share = taper(size)
+        made = placing.back(whole[0].cpu().double().numpy().reshape(size, -1, 3))
+        total[start : start + size] += share[:, None, None] * made
+        weight[start : start + size] += share
+    return total / weight[:, None, None]
 
 
 def _kind(model: ConceptModel, kind: int) -> torch.Tensor:

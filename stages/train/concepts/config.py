@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field
 
@@ -15,6 +16,12 @@ class Config(TrainingConfig):
 
     concepts: Path = Field(description="The concepts artefact, segmented with --cluster, of one rig at one rate.")
     actions: tuple[str, ...] = Field((), json_schema_extra=OFTEN, description="Actions to learn; default: all.")
+    method: Literal["splines", "frames", "reconstruction"] = Field(
+        "splines",
+        json_schema_extra=OFTEN,
+        description="What motions are refined by: concepts whose transitions are splines; concepts whose transitions "
+        "are frames that a network fits directly; or a network that reconstructs whole motions, without concepts.",
+    )
     window: int = Field(60, json_schema_extra=OFTEN, description="Frames per window.", ge=8)
     batch: int = Field(32, json_schema_extra=OFTEN, description="Windows per step.", ge=1)
     steps: int = Field(3000, json_schema_extra=OFTEN, description="Optimiser steps.", ge=1)

@@ -14,6 +14,8 @@ from stages.shared.concepts.clusters import needs_sklearn
 from stages.shared.concepts.quality import fit_quality
 from stages.shared.concepts.sequences import LEAST_FRAMES, ConceptSet, concept_set, placing_of
 from stages.shared.contract import StageReport
+from stages.shared.inference.anchor_chances import balanced_limit, frame_chances
+from stages.shared.networks.concepts.reconstruction import MotionReconstructor
 from stages.shared.networks.concepts.refiners import ConceptNetworks
 from stages.shared.networks.layers.device import choose_device
 from stages.shared.outputs import check_artefact
@@ -21,7 +23,7 @@ from stages.shared.progress import SILENT, Progress
 from stages.shared.training.loop import Trained, train
 from stages.shared.training.stage import finish
 from stages.train.concepts.config import Config
-from stages.train.concepts.task import ConceptTask
+from stages.train.concepts.task import ConceptTask, ReconstructionTask
 
 _MOST_CLIPS = 200  # of one action whose anchors the quality score is fitted to
 
@@ -45,15 +47,22 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         if not found.of("train"):
             raise InputError(f"{config.concepts} holds no training clip of {', '.join(found.actions)}.")
         torch.manual_seed(config.seed)  # weights are drawn only here
-        networks = new_networks(found, config.width, config.latent)
-        task = ConceptTask(config, networks, found, choose_device(config.device))
+        networks = new_networks(found, config.width, config.latent, config.method)
+        device = choose_device(config.device)
+        if isinstance(networks, MotionReconstructor):
+            task = ReconstructionTask(config, networks, found, device)
+        else:
+            task = ConceptTask(config, networks, found, device)
         trained = train(task, config, progress=progress)
-        if trained.finished:
+        limit = {}
+        if trained.finished and isinstance(networks, ConceptNetworks):
             networks.load_state_dict({name: torch.from_numpy(value) for name, value in trained.weights.items()})
             trained = _with_quality(trained, networks, found, config)
+            limit = {"anchor_limit": _anchor_limit(networks, found, config)}
         kept = {
             "network": "concepts",
-            "settings": {"width": config.width, "latent": config.latent},
+            "settings": {"width": config.width, "latent": config.latent, "method": config.method},
+            **limit,
             "actions": list(found.actions),
             "concepts": [int((found.action_of == action).sum()) for action in range(len(found.actions))],
             "body": {
@@ -70,11 +79,28 @@ def run(config: Config, *, progress: Progress = SILENT) -> StageReport:
         )
 
 
-def new_networks(found: ConceptSet, width: int, latent: int) -> ConceptNetworks:
-    """Networks for the joints, actions and anchor concepts of a set."""
+def new_networks(
+    found: ConceptSet, width: int, latent: int, method: str = "splines"
+) -> ConceptNetworks | MotionReconstructor:
+    """Networks for the joints, actions and anchor concepts of a set, of a `Config.method`."""
     flat = torch.from_numpy(found.centres.reshape(len(found.centres), -1).astype(np.float32))
     action_of = torch.from_numpy(found.action_of.astype(np.int64))
-    return ConceptNetworks(flat.shape[1], len(found.actions), width, latent, flat, action_of)
+    if method == "reconstruction":
+        return MotionReconstructor(flat.shape[1], len(found.actions), width)
+    splines = method == "splines"
+    return ConceptNetworks(flat.shape[1], len(found.actions), width, latent, flat, action_of, splines=splines)
+
+
+def _anchor_limit(networks: ConceptNetworks, found: ConceptSet, config: Config) -> float:
+    """The chance above which a frame is an anchor: held-back clips then have as many as they were segmented into."""
+    networks.eval()
+    held_back = (found.of("val") or found.of("train"))[:_MOST_CLIPS]
+    groups = found.body.groups
+    chances = [
+        frame_chances(networks.recogniser, each.positions.astype(np.float64), each.action, groups, config.window)[0]
+        for each in held_back
+    ]
+    return balanced_limit(chances, sum(len(each.anchors) for each in held_back))
 
 
 def _with_quality(trained: Trained, networks: ConceptNetworks, found: ConceptSet, config: Config) -> Trained:

@@ -17,9 +17,11 @@ from stages.shared.networks.concepts.motion_encoder import MotionEncoder, percep
 from stages.shared.networks.concepts.transition_generator import (
     OUTPUT_M,
     POWERS,
+    WAVES,
     TransitionGenerator,
     at_times,
     straight,
+    waves,
 )
 
 
@@ -83,20 +85,25 @@ class Segments(NamedTuple):
 
 
 class TransitionRefiner(nn.Module):
-    """Makes a sequence from the concept of each of its transitions and one bias feature of the whole."""
+    """Makes a sequence from the concept of each of its transitions and one bias feature of the whole.
 
-    def __init__(self, features: int, actions: int, width: int):
+    Args:
+        splines: whether a concept is decoded to a cubic, or to the pose at each moment (Table 9).
+    """
+
+    def __init__(self, features: int, actions: int, width: int, *, splines: bool = True):
         super().__init__()
+        self.splines = splines
         self.concept_encoder = MotionEncoder(features, actions, width)
         self.bias_encoder = MotionEncoder(features, actions, width)
-        self.spline = perceptron(width, POWERS * features)
+        self.spline = perceptron(width, POWERS * features) if splines else perceptron(width + WAVES, features)
         self.transformer = MotionEncoder(2 * width, actions, width)
         self.output = nn.Linear(width, features)
         nn.init.zeros_(self.output.weight)
         nn.init.zeros_(self.output.bias)
 
     def forward(self, motion: Tensor, action: Tensor, valid: Tensor, segments: Segments) -> tuple[Tensor, Tensor]:
-        """The refined sequence (B, T, F), and the concepts' splines restored (B, T, F)."""
+        """The refined sequence (B, T, F), and the sequence of the concepts alone (B, T, F)."""
         count = segments.first.shape[1]
         member = nn.functional.one_hot(segments.of_frame, count).to(motion.dtype) * valid[..., None]  # (B, T, S)
         together = (member @ member.transpose(1, 2) > 0) | torch.eye(
@@ -107,8 +114,14 @@ class TransitionRefiner(nn.Module):
         concepts = share.transpose(1, 2) @ frames  # (B, S, D)
         rows = torch.arange(len(motion), device=motion.device)[:, None]
         lines = straight(motion[rows, segments.first], motion[rows, segments.last])
-        splines = lines + OUTPUT_M * self.spline(concepts).unflatten(-1, (POWERS, -1))  # (B, S, 4, F)
-        restored = at_times(splines[rows, segments.of_frame], segments.times[..., None]).squeeze(2)
+        of_frame = rows, segments.of_frame
+        restored = at_times(lines[of_frame], segments.times[..., None]).squeeze(2)
+        if self.splines:
+            splines = OUTPUT_M * self.spline(concepts).unflatten(-1, (POWERS, -1))  # (B, S, 4, F)
+            restored = restored + at_times(splines[of_frame], segments.times[..., None]).squeeze(2)
+        else:
+            moments = torch.cat([concepts[of_frame], waves(segments.times)], dim=-1)
+            restored = restored + OUTPUT_M * self.spline(moments)
         weight = valid[..., None].to(motion.dtype)
         bias = (self.bias_encoder(motion, action, valid) * weight).sum(1) / weight.sum(1)
         whole = torch.cat([concepts[rows, segments.of_frame], bias[:, None].expand(-1, motion.shape[1], -1)], dim=-1)
@@ -118,11 +131,27 @@ class TransitionRefiner(nn.Module):
 
 class ConceptNetworks(nn.Module):
     """The four networks. They share no parameter; only the clipping of gradients and the choice of the best step
-    depend on all of them."""
+    depend on all of them.
 
-    def __init__(self, features: int, actions: int, width: int, latent: int, concepts: Tensor, action_of: Tensor):
+    Args:
+        features: 3 J. width: of the motion encoders. latent: of the generator's code.
+        concepts: (C, F) the anchor concepts of all actions; action_of: (C,) the action of each.
+        splines: whether transitions are cubics, or poses that a network fits directly (Table 9).
+    """
+
+    def __init__(
+        self,
+        features: int,
+        actions: int,
+        width: int,
+        latent: int,
+        concepts: Tensor,
+        action_of: Tensor,
+        *,
+        splines: bool = True,
+    ):
         super().__init__()
-        self.generator = TransitionGenerator(features, latent)
+        self.generator = TransitionGenerator(features, latent, splines=splines)
         self.recogniser = AnchorRecogniser(features, actions, width)
         self.anchors = AnchorRefiner(features, actions, width, concepts, action_of)
-        self.transitions = TransitionRefiner(features, actions, width)
+        self.transitions = TransitionRefiner(features, actions, width, splines=splines)

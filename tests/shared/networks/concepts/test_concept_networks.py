@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from stages.shared.networks.concepts.motion_encoder import MotionEncoder, sinusoidal
+from stages.shared.networks.concepts.reconstruction import MotionReconstructor
 from stages.shared.networks.concepts.refiners import AnchorRefiner, Segments, TransitionRefiner
 from stages.shared.networks.concepts.transition_generator import (
     TransitionGenerator,
@@ -75,9 +77,22 @@ def test_padding_of_transitions_changes_nothing_and_codes_change_samples():
     frames, counts, noise = drawn(2, 8, F), torch.tensor([5, 8]), torch.zeros(2, 4)
     longer = torch.cat([frames, torch.full((2, 3, F), 50.0)], dim=1)
     one, two = (network(first, last, seconds, each, counts, noise) for each in (frames, longer))
-    torch.testing.assert_close(one.splines, two.splines)
-    codes = [network.decoded(first, last, seconds, code) for code in (torch.zeros(2, 4), torch.ones(2, 4))]
+    torch.testing.assert_close(one.code, two.code)
+    times = torch.linspace(0, 1, 5).expand(2, -1)
+    codes = [network.decoded(first, last, seconds, code, times) for code in (torch.zeros(2, 4), torch.ones(2, 4))]
     assert not torch.allclose(*codes)
+
+
+def test_transitions_are_cubics_with_splines_and_any_curve_without():
+    torch.manual_seed(0)
+    first, last, seconds, code = drawn(2, F), drawn(2, F) + 1, torch.tensor([0.4, 0.9]), drawn(2, 4)
+    times = torch.linspace(0, 1, 9).expand(2, -1)
+    for splines in (True, False):
+        network = TransitionGenerator(F, latent=4, hidden=16, splines=splines)
+        whole = network.decoded(first, last, seconds, code, times)
+        fourth = whole.diff(n=4, dim=1).abs().max()
+        assert (fourth < 1e-5) == splines
+        torch.testing.assert_close(whole[:, ::2], network.decoded(first, last, seconds, code, times[:, ::2]))
 
 
 def test_only_concepts_of_the_action_are_chosen():
@@ -90,9 +105,23 @@ def test_only_concepts_of_the_action_are_chosen():
     assert action_of[logits.argmax(-1)].tolist() == [0, 1, 0, 1] and poses.shape == (4, F)
 
 
-def test_an_untrained_transition_refiner_returns_its_splines_and_gradients_reach_all_parts():
+def test_a_reconstruction_reads_the_whole_motion_and_no_padding():
     torch.manual_seed(0)
-    network = TransitionRefiner(F, 1, 16)
+    network = MotionReconstructor(F, 2, 16).eval()
+    motion, action, valid = drawn(2, 10, F), torch.tensor([0, 1]), torch.ones(2, 10, dtype=torch.bool)
+    valid[:, 7:] = False
+    changed, padded = motion.clone(), motion.clone()
+    changed[:, 2] += 1
+    padded[:, 7:] += 100
+    given = [network(each, action, valid)[:, :7] for each in (motion, changed, padded)]
+    assert given[0].shape == (2, 7, F) and ((given[0] - given[1]).abs().amax((0, 2)) > 0).all()
+    torch.testing.assert_close(given[0], given[2])
+
+
+@pytest.mark.parametrize("splines", [True, False])
+def test_an_untrained_transition_refiner_returns_its_concepts_and_gradients_reach_all_parts(splines: bool):
+    torch.manual_seed(0)
+    network = TransitionRefiner(F, 1, 16, splines=splines)
     motion, valid = drawn(2, 9, F), torch.ones(2, 9, dtype=torch.bool)
     of_frame = torch.tensor([0] * 4 + [1] * 5).expand(2, -1)
     times = torch.tensor([0, 0.25, 0.5, 0.75, 0, 0.25, 0.5, 0.75, 1.0]).expand(2, -1)
