@@ -81,7 +81,7 @@ def _network(kept: Checkpoint) -> tuple[dict[str, Any], dict[str, tuple[int, ...
 
 
 def _of_one_training(one: Checkpoint, other: Checkpoint) -> bool:
-    """Whether one was trained further from the other, or the last trainings of both may have been on the same data."""
+    """Whether one was trained on from the other, or the last trainings of both may have been on the same data."""
     if one.trainings and other.trainings:
         shorter = min(len(one.trainings), len(other.trainings))
         if one.trainings[:shorter] == other.trainings[:shorter]:
