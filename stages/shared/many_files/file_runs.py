@@ -39,6 +39,7 @@ from stages.shared.threads import cores
 
 JOURNAL, TABLE = "files.jsonl", "files.csv"
 COLUMNS: tuple[str, ...] = ("input", "output", "status", "seconds", "frames", "reason", "sha256")
+_SPLITS = "splits.json"  # what `pumps ingest` reads beside recordings
 _SHOWN = 10
 WRITTEN, FAILED, DIED = "written", "failed", "died"  # what became of a file; DIED: its process was ended
 _WRITABLE = tuple(SUFFIXES.values())
@@ -125,7 +126,7 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
     """Every file with its output, in the same sub-folders, with the suffix to write.
 
     Where a file would be written for two inputs, the second one's output keeps its input's suffix in its name too.
-    What earlier runs wrote into the folder is no input.
+    What earlier runs wrote into the folder is no input, and neither is a list of splits.
     """
     names: dict[str, FileNames] = {}
     taken: set[str] = set()  # folded, since paths that differ by case alone are one file on some systems
@@ -133,6 +134,8 @@ def _planned(config: ManyFilesConfig, out: Path, earlier: frozenset[str]) -> Ite
     written = {(out / name).resolve() for name in (*earlier, TABLE)}
     for source in find_sources([text], suffixes_of(AUTO), keep_bad=True):
         if not source.archive and Path(source.name).resolve() in written:
+            continue
+        if PurePosixPath(source.member).name == _SPLITS and not source.named:
             continue
         own = source.suffix
         suffix = config.suffix_of(own, _WRITABLE)

@@ -27,6 +27,7 @@ def folder(tmp_path: Path) -> Path:
     (made / "inner").mkdir(parents=True)
     for name, place in (("kick", "."), ("punch", "inner"), ("walk", "inner")):
         shutil.copy(CLIPS / f"{name}.bvh", made / place / f"{name}.bvh")
+    (made / "splits.json").write_text("{}")
     (made / "bad.bvh").write_text("HIERARCHY\nROOT a\n{\n")
     return made
 
