@@ -467,6 +467,8 @@ if bpy is not None:
             if frame in sent.keys:
                 kept.add(int(frame))
             of_key = frame in sent.keys and point.co[1] * values[int(frame) - sent.frames[0]] < 0
+            if frame in (sent.frames[0], sent.frames[-1]):  # new neighbours would move its handles
+                point.handle_left_type = point.handle_right_type = "FREE"
             if of_key or (turned and frame > sent.frames[-1]):  # of a quaternion whose sign was changed
                 for end in (point.co, point.handle_left, point.handle_right):
                     end[1] *= -1
