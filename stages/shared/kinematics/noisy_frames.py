@@ -5,8 +5,8 @@ lies near no such line, since noise is independent from frame to frame. So every
 frames near it; its smallest error separates the two kinds even if most frames are noisy. What this finds is then
 refined: each frame is predicted from the nearest frames that were found clean. Errors are of quaternions, the median
 over joints where a whole frame is judged, so that a few fast joints do not make a frame noisy; errors of positions
-count beside them, with less weight. Several first guesses are refined, since one that takes noisy frames for clean may
-grow worse, and the result with the widest margin between noisy and clean frames is taken.
+count beside them, with less weight. Several first guesses are refined, since one that takes noisy frames for clean
+may grow worse, and the result with the widest margin between noisy and clean frames is taken.
 
 Lines also miss a short, quick movement, such as a kick. But a movement is smooth from frame to frame, and noise is
 not: of independent noise, fourth differences are sqrt(70 / 6) = 3.4 times as large as second differences, of a
