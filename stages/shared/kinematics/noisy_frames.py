@@ -52,6 +52,7 @@ _AT_ENDS, _MOST_GROWTH = 2.0, 3.0  # factor on the limit at the ends; largest fa
 _BEYOND, _HIGH, _AROUND = 3.0, 80, 25  # limit: so many times this percentile of the errors of so many clean frames
 _ROUGH_FRAMES, _ROUGH_JOINTS = 0.73, 0.82  # least roughness, as a share of that of noise alone
 _ROUGH_TOGETHER = 0.65  # the same of all runs as one, where many frames are noisy
+_ROUGHER = 4.0  # times the energy of fourth differences of clean frames, of a noisy run at an end of the clip
 _LEAST_AT_ENDS = 3  # frames of a run at an end of the clip; fewer cannot be judged
 _FEW = (
     0.16  # share of the frames; quick movements are no more, so that with more noisy frames all are taken for noise
@@ -103,12 +104,33 @@ def noisy_frames(rotations: np.ndarray, positions: np.ndarray | None = None) -> 
 
 def _judged(channels: Sequence[_Channel], noisy: np.ndarray) -> np.ndarray:
     """(T,) the noisy frames without those that are a movement."""
-    noisy = noisy & ~_quick(channels[0].values.reshape(len(noisy), -1), noisy)
+    noisy = noisy & ~_quick(channels[0].values.reshape(len(noisy), -1), noisy) & ~_smooth_ends(channels, noisy)
     if noisy.mean() >= _FEW:
         return np.any([_rough(each.values, noisy, _ROUGH_TOGETHER, together=True) for each in channels], axis=0)
     return np.any(
         [_rough(each.values, noisy & _beyond_motion(each.values, noisy), _ROUGH_FRAMES) for each in channels], axis=0
     )
+
+
+def _smooth_ends(channels: Sequence[_Channel], noisy: np.ndarray) -> np.ndarray:
+    """(T,) True where a run of noisy frames at an end of the clip is no rougher than clean frames, from its outer end
+    inwards. Lines that are continued from clean frames far away miss these frames whether they are noisy or not, and
+    nothing beyond them tells what the motion was."""
+    smooth = np.zeros(len(noisy), bool)
+    runs = [run for run in runs_of(noisy) if len(run) > REACH and (run[0] == 0 or run[-1] == len(noisy) - 1)]
+    still = np.convolve(noisy, np.ones(5), mode="valid") == 0  # frames 2 to T - 3 with two clean ones on both sides
+    if not runs or not still.any():
+        return smooth
+    rough = [(np.diff(each.values, n=4, axis=0) ** 2).sum((1, 2)) for each in channels]
+    for run in runs:
+        inwards = run if run[0] == 0 else run[::-1]
+        for first in range(0, len(inwards), REACH):
+            piece = inwards[first : first + REACH]
+            at = np.unique(np.clip(piece - 2, 0, len(still) - 1))
+            if any(np.median(each[at]) > _ROUGHER * np.median(each[still]) for each in rough):
+                break
+            smooth[piece] = True
+    return smooth
 
 
 def _guesses(channels: Sequence[_Channel]) -> Iterator[np.ndarray]:
