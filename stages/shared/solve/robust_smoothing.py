@@ -66,16 +66,18 @@ def mend_poses(
     places = _bridged(np.asarray(positions, np.float64)[:, None], empty[:, None])[:, 0]
     if frames < 5:
         return Mended(curves, places, gone, empty, swapped)
-    stuck = lost_joints(curves) | frozen_joints(curves)
+    lost, frozen = lost_joints(curves), frozen_joints(curves)
+    # Of a joint that is frozen for long, a line knows as much as a curve, and it does not swing beyond its ends.
+    curves = continuous_signs(_bridged(curves, frozen))
     noisy = np.zeros(frames, bool)
     there = np.flatnonzero(~empty)
-    noisy[there] = noisy_frames(curves[there])
-    bad = gone | stuck | noisy[:, None]
+    noisy[there] = noisy_frames(curves[there], places[there])
+    bad = gone | lost | noisy[:, None]
     if noisy.mean() < _MANY:
         bad |= noisy_joints(curves, ~(noisy | empty))
     whole = noisy | empty
     made = curves.copy()
-    weights = np.where(gone | stuck, _MISSING_WEIGHT, noise_weight(curves, noisy, empty))
+    weights = np.where(gone | lost, _MISSING_WEIGHT, noise_weight(curves, noisy, empty))
     for columns in _alike(bad):
         first = columns[0]
         made[:, columns] = _mended(made[:, columns].reshape(frames, -1), bad[:, first], weights[:, first]).reshape(
@@ -86,7 +88,9 @@ def mend_poses(
         places, whole, np.where(empty, _MISSING_WEIGHT, noise_weight(places[:, None], noisy, empty)[:, 0])
     )
     steady = _STEADY if noisy.mean() < _MANY else 0.0
-    return Mended(_without_jitter(made, steady), _positions_without_jitter(places, steady), bad, whole, swapped)
+    return Mended(
+        _without_jitter(made, steady), _positions_without_jitter(places, steady), bad | frozen, whole, swapped
+    )
 
 
 def _sides_put_back(
@@ -107,13 +111,23 @@ def _sides_put_back(
 
 
 def lost_joints(rotations: np.ndarray) -> np.ndarray:
-    """(T, J) True where a joint's rotation is exactly the identity and its usual rotation is another: zeros that a
-    tracker wrote for a joint that it lost."""
+    """(T, J) True where a joint's rotation is exactly the identity, its usual rotation is another, and it jumps there
+    and back: zeros that a tracker wrote for a joint that it lost. A pose that is reached smoothly, or held to the end
+    of the clip, is none."""
     zero = np.abs(rotations[..., :3]).max(-1) < 1e-6
     usual = np.degrees(2 * np.arccos(np.clip(np.abs(rotations[..., 3]), 0, 1)))
-    far = np.array([np.median(usual[~zero[:, joint], joint]) if not zero[:, joint].all() else 0 for joint in
-                    range(rotations.shape[1])])  # fmt: skip
-    return zero & (far > _LOST_DEGREES) & (zero.mean(0) < 0.5)
+    step = np.linalg.norm(np.diff(rotations, axis=0), axis=-1)
+    found = np.zeros(zero.shape, bool)
+    for joint in np.flatnonzero(zero.any(0) & (zero.mean(0) < 0.5)):
+        there = ~zero[:, joint]
+        if np.median(usual[there, joint]) <= _LOST_DEGREES:
+            continue
+        jump = _FROZEN_JUMP * np.median(step[there[1:] & there[:-1], joint])
+        for run in runs_of(zero[:, joint]):
+            start, stop = int(run[0]), int(run[-1]) + 1
+            inside = start > 0 and stop < len(zero)
+            found[run, joint] = inside and min(step[start - 1, joint], step[stop - 1, joint]) > jump
+    return found
 
 
 def frozen_joints(rotations: np.ndarray) -> np.ndarray:

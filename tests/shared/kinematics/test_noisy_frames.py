@@ -100,3 +100,19 @@ def test_short_clips_are_no_error(frames: int):
     turns = clean(128)[:frames]
     assert noisy_frames(turns).shape == (frames,)
     assert noisy_joints(turns, np.ones(frames, bool)).shape == turns.shape[:2]
+
+
+def test_noise_on_the_positions_of_some_frames_is_found():
+    rng = np.random.default_rng(2)
+    bad = rng.random(128) < 0.3
+    path = np.outer(np.arange(128) / 30, [0.0, 0.0, 1.2]) + 0.03 * np.sin(np.arange(128)[:, None] / 5)
+    found = noisy_frames(clean(), path + 0.08 * rng.standard_normal((128, 3)) * bad[:, None])
+    assert (found & bad).sum() >= 0.85 * bad.sum() and (found & ~bad).sum() <= 0.15 * (~bad).sum()
+    assert noisy_frames(clean(), path).mean() < 0.03
+
+
+def test_a_strike_of_three_frames_is_a_movement():
+    turns = clean(48)
+    angle = np.interp(np.arange(48), [0, 20, 21, 22, 23, 47], [0.0, 0.0, 0.4, 1.0, 1.3, 1.3])
+    strikes = Rotation.from_rotvec(angle[:, None] * [0.8, 0.3, -0.5]).as_quat()[:, None]
+    assert not noisy_frames(continuous_signs(multiply(np.broadcast_to(strikes, turns.shape), turns))).any()

@@ -63,6 +63,9 @@ def test_a_joint_that_is_lost_or_frozen_is_found_and_one_that_is_held_is_not():
     local = LOCAL.copy()
     local[20:30, 4] = [0, 0, 0, 1]
     assert lost_joints(local)[20:30, 4].all() and lost_joints(local).sum() == 10
+    to_the_end = LOCAL.copy()
+    to_the_end[100:, 4] = [0, 0, 0, 1]
+    assert not lost_joints(to_the_end).any()  # a pose that is held
     frozen = LOCAL.copy()
     frozen[50:70, 6] = frozen[50, 6]
     found = frozen_joints(frozen)
