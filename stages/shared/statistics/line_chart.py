@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from stages.shared.markup import Markup, joined, markup
 
-_WIDTH, _HEIGHT, _LEFT, _TOP, _KEY = 420, 280, 60, 40, 250
+_WIDTH, _HEIGHT, _LEFT, _TOP, _KEY = 420, 280, 60, 40, 310
 _COLOURS = ("#1f77b4", "#2ca02c", "#ff7f0e", "#d62728", "#444444", "#999999", "#9467bd", "#17becf")
 _DOT = 3
 
