@@ -47,7 +47,6 @@ class SynthesiserTrainingConfig(TrainingConfig):
     )
     borrowed_share: float = Field(
         0.0,
-        json_schema_extra=OFTEN,
         description="With --augment: fraction of the windows in which the arms, or all above the pelvis, move as in "
         "another clip on the same skeleton.",
         ge=0.0,
