@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-_END = re.compile(r"\s*(?::|\(c\)|©|,\s*copyright\b)", re.IGNORECASE)  # what follows says of whom and on what terms
+_END = re.compile(r"(?::|\(c\)|©|,\s*copyright\b)", re.IGNORECASE)  # what follows says of whom and on what terms
 _LONGEST = 60  # characters
 
 

@@ -74,7 +74,7 @@ def test_the_last_weights_are_kept_if_asked_for(folder: Path) -> None:
 
 def test_one_training_keeps_the_best_and_the_last_weights(folder: Path, tmp_path: Path) -> None:
     """Both are those of two trainings that keep one each; one alone holds no last weights beside others."""
-    given = {"steps": 12, "validate_every": 2, "learning_rate": 3e-2, "average": 0.5}
+    given = {"steps": 12, "validate_every": 2, "learning_rate": 1.0, "average": 0.5}
     for keep in ("best", "last", "both"):
         run(_config(folder, f"keep-{keep}", keep=keep, **given))
     one, other = (read_checkpoint(folder / f"keep-{keep}").weights for keep in ("best", "last"))
