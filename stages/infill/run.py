@@ -25,7 +25,6 @@ from stages.infill.row_files import RowFile, row_file
 from stages.infill.samples import with_samples
 from stages.infill.summary import (
     fallbacks_of,
-    keys_in,
     line_of_skate,
     lines_of_fallbacks,
     lines_of_jumps,
@@ -43,6 +42,7 @@ from stages.shared.kinematics.gap_speed import sentences_of_speed
 from stages.shared.many_files.file_runs import over_files
 from stages.shared.outputs import check_file, write_output
 from stages.shared.progress import SILENT, Progress
+from stages.shared.statistics.tables import counted
 from stages.shared.weights.licence_names import licence_names
 
 
@@ -178,7 +178,7 @@ def _report(config: Config, made: FilledFile, filler: Filler, losses: list[str],
     gap_s = filled.longest_gap_s
     gist = [f"Note: {note}" for note in warnings]
     gist.append(
-        f"Filled {len(missing)} of {request.frames} frames from {keys_in(len(request.keys))} in "
+        f"Filled {len(missing)} of {request.frames} frames from {counted(len(request.keys), 'key')} in "
         f"{seconds:.2f} s; the longest gap is {gap_s:.2f} s ({gap_s * filled.motion.fps:.0f} frames)."
     )
     lines = [*gist, *lines_of_fallbacks(fallbacks)]

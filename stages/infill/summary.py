@@ -9,6 +9,7 @@ import numpy as np
 from data_schemas.skeleton import BODY_GROUPS, Skeleton
 from stages.shared.inference.filled import Filled
 from stages.shared.kinematics.conventions import MODEL_FPS
+from stages.shared.statistics.tables import counted
 
 STRANGE_RIG_M = 0.1  # decoded points that stray this far on their bones: the autoencoder does not know such a rig
 WORST_SHOWN = 5
@@ -80,17 +81,12 @@ def lines_of_fallbacks(rows: list[dict[str, Any]]) -> list[str]:
     return lines + shown
 
 
-def keys_in(count: int) -> str:
-    """So many keys, in words."""
-    return "1 key" if count == 1 else f"{count} keys"
-
-
 def lines_of_jumps(frames: np.ndarray, jumps: np.ndarray, plain_jumps: np.ndarray) -> list[str]:
     """Velocity jumps at keys as a table in plain text; frames in the output's numbering, metres a second."""
     if len(frames) == 0:
         return ["No key lies between two frames, so no velocity jump can be measured."]
     lines = [
-        f"Velocity jump at {keys_in(len(frames))}, mean over the body's joints: {jumps.mean():.3f} m/s "
+        f"Velocity jump at {counted(len(frames), 'key')}, mean over the body's joints: {jumps.mean():.3f} m/s "
         f"(plain interpolation {plain_jumps.mean():.3f}). The largest (frame, m/s, plain interpolation):"
     ]
     worst = np.argsort(-jumps, kind="stable")[:WORST_SHOWN]

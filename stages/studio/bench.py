@@ -19,9 +19,10 @@ from stages.shared.weights.shipped import shipped_weights
 from stages.studio.fills import fills_of
 from stages.studio.folder import Folder
 from stages.studio.jobs import Job, Jobs
-from stages.studio.opening import dropped, inside, member_of, remove_left, write_as_bvh
+from stages.studio.opening import dropped, inside, member_of, write_as_bvh
 from stages.studio.saving import save
 from stages.studio.scene import Scene, plain_scene_of, scene_of
+from stages.studio.scratch import remove_left
 from stages.studio.session import FillSettings, MotionRecord, Session, Sessions, State
 from stages.studio.steps import FILL, VERBS, constraints_bytes, fill_options, first_keys, settings_after, verb_options
 from stages.studio.worker import CancelledError, Told, Worker

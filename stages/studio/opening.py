@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import secrets
-import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from data_schemas.errors import InputError, UsageError
-from data_schemas.own_folders import make_own_folder, remove_own_folder
 from data_schemas.whole_file import write_whole
 from stages.registry import stage_named
 from stages.shared.formats.archives import archive_suffix
@@ -17,12 +14,8 @@ from stages.shared.formats.readers import recognise, recordings_in
 from stages.shared.formats.recording import Asked
 from stages.shared.formats.sources import Source, source_named
 from stages.studio.folder import recordings_of_archive
+from stages.studio.scratch import scratch_folder
 from stages.studio.worker import config_of
-
-_DROPPED = ".dropped-"
-_LEFT_S = (
-    600.0  # reading an archive takes seconds; a folder for one that is older was left by a studio that was ended
-)
 
 
 class SeveralClipsError(UsageError):
@@ -102,28 +95,15 @@ def dropped(name: str, data: bytes, clip: str, folder: Path) -> Iterator[tuple[b
 
     Args:
         clip: as `member_of` takes it, if the file is an archive.
-        folder: in which an archive lies as long as it is read.
+        folder: that of the sessions, in which an archive lies as long as it is read.
     """
     if not archive_suffix(name):
         yield data, None, name, clip
         return
-    remove_left(folder)
-    held = folder / f"{_DROPPED}{secrets.token_hex(8)}"
-    make_own_folder(held)
-    try:
+    with scratch_folder(folder) as held:
         path = held / name
         write_whole(path, data)
         member, clip = member_of(path, name, clip)
         source = source_named(f"{path}!{member}")
         with inside(member):
             yield source.read(), source.name, PurePosixPath(member).name, clip
-    finally:
-        remove_own_folder(held)
-
-
-def remove_left(folder: Path) -> None:
-    """Remove the folders for dropped archives that a studio left in the sessions' folder when it was ended."""
-    for each in folder.glob(f"{_DROPPED}*"):
-        with suppress(OSError):
-            if time.time() - each.stat().st_mtime > _LEFT_S:
-                remove_own_folder(each)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import shlex
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from data_schemas.errors import InputError, UsageError
@@ -15,6 +14,7 @@ from stages.shared.formats.sources import source_named
 from stages.shared.outputs import paths_in
 from stages.studio.folder import SESSIONS, Folder
 from stages.studio.opening import clip_name
+from stages.studio.scratch import scratch_folder
 from stages.studio.session import MotionRecord, Session, Sessions
 from stages.studio.steps import FILL, as_argument, command_line, constraints_bytes, steps_to
 from stages.studio.worker import config_of
@@ -63,10 +63,10 @@ def save(
 def _exported(folder: Folder, made: str, data: bytes | None, target: str) -> bytes:
     """What `pumps export` writes of a BVH of the folder, whose `data` are given if it is not written yet. Its name
     counts, as some formats hold the name of the clip. Raises as the stage does."""
-    with TemporaryDirectory(dir=folder.sessions(), prefix=".saved-") as place:
-        source, output = folder.path / made, Path(place) / target
+    with scratch_folder(folder.sessions()) as place:
+        source, output = folder.path / made, place / target
         if data is not None:
-            source = Path(place) / made
+            source = place / made
             write_whole(source, data)
         stage_named("export").runner()(config_of("export", {"input": str(source), "output": output}))
         return output.read_bytes()

@@ -147,7 +147,7 @@ def test_an_archive_of_one_file_opens_without_a_choice(page: Page) -> None:
 def test_what_an_ended_studio_left_of_a_dropped_archive_is_removed(page: Page) -> None:
     """A folder of an archive that another studio may be reading, or that pumps did not make, stays."""
     sessions = page.bench.folder.sessions()
-    left, young, theirs = (sessions / f".dropped-{name}" for name in ("left", "young", "theirs"))
+    left, young, theirs = (sessions / f".scratch-{name}" for name in ("left", "young", "theirs"))
     for each in (left, young):
         make_own_folder(each)
         (each / "all.zip").write_bytes(ARCHIVE)
@@ -156,7 +156,7 @@ def test_what_an_ended_studio_left_of_a_dropped_archive_is_removed(page: Page) -
     for each in (left, theirs):
         os.utime(each, (0, 0))
     assert dropped(page, "one.zip", archive(a_bvh=(CLIPS / "kick.bvh").read_bytes()))["id"]
-    assert sorted(sessions.glob(".dropped-*")) == [theirs, young]
+    assert sorted(sessions.glob(".scratch-*")) == [theirs, young]
 
 
 @pytest.mark.parametrize(

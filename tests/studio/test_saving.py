@@ -164,4 +164,4 @@ def test_an_export_that_fails_leaves_the_folder_as_it_was(page: Page) -> None:
     finally:
         motion.write_bytes(whole)
     assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
-    assert not list(page.bench.folder.sessions().glob(".saved-*"))
+    assert not list(page.bench.folder.sessions().glob(".scratch-*"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -194,7 +194,7 @@ def refine(
                 f"These weights reconstruct whole motions, and --only {only} needs concepts.", "Leave --only out."
             )
         ends, none = np.array([0, len(made) - 1]), np.zeros(2)
-        return Refinement(_reconstructed(model, made, kind), ends, none, none > 0, np.full(2, -1))
+        return Refinement(_reconstructed(model, model.trained, made, kind), ends, none, none > 0, np.full(2, -1))
     anchors, scores, flawed = judged(model, made, kind)
     concepts = np.full(len(anchors), -1)
     if only != "transitions":
@@ -273,31 +273,35 @@ def _new_anchor(
 
 
 def _new_transitions(model: ConceptModel, positions: np.ndarray, anchors: np.ndarray, kind: int) -> np.ndarray:
-    total, weight = np.zeros(positions.shape), np.zeros(len(positions))
-    for start, size in windows_of(len(positions), model.window):
-        motion, placing = placed(positions[start : start + size], model.groups, model.device)
+    def made(motion: torch.Tensor, start: int) -> torch.Tensor:
+        size = motion.shape[1]
         inside = anchors[(anchors > start) & (anchors < start + size - 1)] - start
         found = segment_arrays(np.array([0, *inside, size - 1]), size)
         arrays = (found.of_frame, found.times.astype(np.float32), found.first, found.last)
         segments = Segments(*(torch.from_numpy(each)[None].to(model.device) for each in arrays))
-        with torch.no_grad():
-            whole, _ = model.networks.transitions(motion, _kind(model, kind), _all(motion), segments)
-        made = placing.back(whole[0].cpu().double().numpy().reshape(size, -1, 3))
-        share = taper(size)
-        total[start : start + size] += share[:, None, None] * made
-        weight[start : start + size] += share
-    return total / weight[:, None, None]
+        return model.networks.transitions(motion, _kind(model, kind), _all(motion), segments)[0]
+
+    return _in_windows(model, positions, made)
 
 
-def _reconstructed(model: ConceptModel, positions: np.ndarray, kind: int) -> np.ndarray:
+def _reconstructed(model: ConceptModel, network: MotionReconstructor, positions: np.ndarray, kind: int) -> np.ndarray:
+    return _in_windows(model, positions, lambda motion, _: network(motion, _kind(model, kind), _all(motion)))
+
+
+def _in_windows(
+    model: ConceptModel, positions: np.ndarray, made: Callable[[torch.Tensor, int], torch.Tensor]
+) -> np.ndarray:
+    """What a network makes of a sequence (T, J, 3), window by window: `made` of a placed window (1, T, 3 J) and its
+    first frame. Windows overlap, and their results are blended."""
     total, weight = np.zeros(positions.shape), np.zeros(len(positions))
     for start, size in windows_of(len(positions), model.window):
         motion, placing = placed(positions[start : start + size], model.groups, model.device)
         with torch.no_grad():
-            whole = model.trained(motion, _kind(model, kind), _all(motion))
+            whole = made(motion, start)
         share = taper(size)
-        made = placing.back(whole[0].cpu().double().numpy().reshape(size, -1, 3))
-        total[start : start + size] += share[:, None, None] * made
+        total[start : start + size] += share[:, None, None] * placing.back(
+            whole[0].cpu().double().numpy().reshape(size, -1, 3)
+        )
         weight[start : start + size] += share
     return total / weight[:, None, None]
 

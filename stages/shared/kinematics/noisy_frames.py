@@ -54,9 +54,7 @@ _ROUGH_FRAMES, _ROUGH_JOINTS = 0.73, 0.82  # least roughness, as a share of that
 _ROUGH_TOGETHER = 0.65  # the same of all runs as one, where many frames are noisy
 _ROUGHER = 4.0  # times the energy of fourth differences of clean frames, of a noisy run at an end of the clip
 _LEAST_AT_ENDS = 3  # frames of a run at an end of the clip; fewer cannot be judged
-_FEW = (
-    0.16  # share of the frames; quick movements are no more, so that with more noisy frames all are taken for noise
-)
+_FEW = 0.16  # share of the frames; quick movements are no more, so where more are noisy, all are taken for noise
 _NEAR = 3  # frames, within which a line may be continued beyond two clean frames
 
 
@@ -164,9 +162,7 @@ def _split(channels: Sequence[_Channel], noisy: np.ndarray, seen: set[bytes]) ->
         excess, score = np.zeros(len(noisy)), np.zeros(len(noisy))
         for channel in channels:
             error, gap = errors_from_clean(channel.values, ~noisy)
-            spread = (
-                np.log(np.maximum(gap, 1.0)) / 2
-            )  # an error of motion grows with the time between the clean frames
+            spread = np.log(np.maximum(gap, 1.0)) / 2  # errors of motion grow with the time between clean frames
             level = np.log(np.maximum(error, channel.floor))
             still = np.maximum(level - spread, np.log(channel.floor))[at]
             motion, noise = np.median(still), np.median(level[noisy])

@@ -297,7 +297,12 @@ def _report(out: Path, rows: list[dict[str, Any]], kept: int, seconds: float) ->
     if len(failed) == len(rows):
         raise InputError(f"None of {counted(len(rows), 'file')} could be used; the first: {failed[0]['reason']}")
     made = len(rows) - len(failed) - kept
-    lines = [f"{row['input']}: {row['reason'].removeprefix(row['input']).lstrip(':, ')}" for row in failed[:_SHOWN]]
+    # Most reasons begin with the file's name.
+    shown = failed[:_SHOWN]
+    lines = [
+        row["reason"] if row["reason"].startswith(row["input"]) else f"{row['input']}: {row['reason']}"
+        for row in shown
+    ]
     if len(failed) > _SHOWN:
         lines.append(f"and {len(failed) - _SHOWN} more that failed, all of them in {out / TABLE}")
     rate = f", {60 * made / seconds:.0f} a minute" if made else ""

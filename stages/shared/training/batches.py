@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Generator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from itertools import count, islice
+from itertools import islice
 from typing import Any
 
 import torch
@@ -51,7 +52,7 @@ def drawn_ahead(
 
     Raises: PumpsError if a drawing process dies.
     """
-    steps = count(first_step) if config.last_step is None else range(first_step, config.last_step)
+    steps = range(first_step, config.last_step or sys.maxsize)
     wanted = ((config.seed, step, part) for step in steps for part in parts)
     ahead: deque[Future[Any]] = deque()
     drawer = task.drawer(elsewhere=config.workers > 0)

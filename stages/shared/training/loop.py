@@ -164,9 +164,13 @@ class _Run:
 
     def _start_bar(self) -> None:
         """A bar of steps, or of seconds where minutes end the training."""
-        last, label = self.config.last_step, f"training {self.config.output.name}"
-        self.progress.start(*((f"{label}, seconds", 60 * self.config.minutes) if last is None else (label, last)))
-        self.progress.advance(self.place.seconds if last is None else self.place.step)
+        label = f"training {self.config.output.name}"
+        if self.config.last_step is None:
+            self.progress.start(f"{label}, seconds", 60 * self.config.minutes)
+            self.progress.advance(self.place.seconds)
+        else:
+            self.progress.start(label, self.config.last_step)
+            self.progress.advance(self.place.step)
 
     def _done(self) -> bool:
         return self._at_the_end() or self._stale()

@@ -64,13 +64,13 @@ def finish(
     if not started_ranks().first:
         return StageReport()
     if not trained.finished:
-        of_steps = f" of {config.last_step}" if config.last_step else ""
-        of_minutes = "" if config.last_step else f" of {config.minutes:g}"
+        minutes = f"{trained.seconds / 60:.1f}"
+        if config.last_step is None:
+            place = f"step {trained.step} after {minutes} of {config.minutes:g} minutes"
+        else:
+            place = f"step {trained.step} of {config.last_step} after {minutes} minutes"
         return StageReport(
-            lines=[
-                f"Stopped at step {trained.step}{of_steps} after {trained.seconds / 60:.1f} minutes{of_minutes}; "
-                "run the same command again to continue."
-            ],
+            lines=[f"Stopped at {place}; run the same command again to continue."],
             figures={"step": trained.step, "finished": False, "seconds": trained.seconds},
         )
     trainings = [Training(steps=trained.step, minutes=round(trained.seconds / 60, 1), data=data)]
